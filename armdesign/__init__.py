@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from armdesign.control.gain_schedule import GainSchedule as GainSchedule
     from armdesign.control.gain_schedule import gain_schedule as gain_schedule
     from armdesign.design.design import Design as Design
-    from armdesign.design.design import optimize as optimize
-    from armdesign.design.design import size_cylinders as size_cylinders
     from armdesign.design.least import least as least
+    from armdesign.design.optimize import optimize as optimize
+    from armdesign.design.optimize import size_cylinders as size_cylinders
     from armdesign.design.pareto import Pareto as Pareto
     from armdesign.design.pareto import pareto as pareto
     from armdesign.design.requirements.settings import Requirements as Requirements
@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from armdesign.motion.shaping import workspace_shaper as workspace_shaper
     from armdesign.paper import formulas as formulas
     from armdesign.simulation.excitation import Step as Step
+    from armdesign.simulation.excitation import SweptSine as SweptSine
     from armdesign.simulation.excitation import Table as Table
     from armdesign.simulation.identification.frequency_response import (
         FrequencyResponse as FrequencyResponse,
@@ -90,7 +91,9 @@ if TYPE_CHECKING:
     from armdesign.simulation.linearization import linear_models as linear_models
     from armdesign.simulation.linearization import linearize as linearize
     from armdesign.simulation.run import Simulation as Simulation
+    from armdesign.simulation.simulate import SimulationCase as SimulationCase
     from armdesign.simulation.simulate import simulate as simulate
+    from armdesign.simulation.simulate import simulate_all as simulate_all
     from armdesign.simulation.validation import Validation as Validation
     from armdesign.simulation.validation import validate as validate
     from armdesign.sweeps.sweep import Sweep as Sweep
@@ -109,13 +112,14 @@ _NAMES = {  # public names by the module that has them
     "frequency.worst_frequency": "WorstPose",
     "frequency.bands": "Bands FrequencyBand frequency_band",
     "design.requirements.settings": "Requirements",
-    "design.design": "Design optimize size_cylinders",
+    "design.design": "Design",
+    "design.optimize": "optimize size_cylinders",
     "design.pareto": "Pareto pareto",
     "design.steps": "DesignStep Steps steps",
     "design.least": "least",
-    "simulation.excitation": "Step Table",
+    "simulation.excitation": "Step SweptSine Table",
     "simulation.run": "Simulation",
-    "simulation.simulate": "simulate",
+    "simulation.simulate": "SimulationCase simulate simulate_all",
     "simulation.validation": "Validation validate",
     "simulation.linear_model": "LinearModel LinearModels",
     "simulation.linearization": "linear_models linearize",

@@ -364,8 +364,8 @@ def _design(
     model: Machine, workspace: Workspace, options: dict[str, Any], say: Callable[[str], None]
 ) -> Design:
     """New machine, mapped, by the search that the options ask for."""
-    from armdesign.design.design import optimize, size_cylinders
     from armdesign.design.least import least
+    from armdesign.design.optimize import optimize, size_cylinders
 
     if "of" in options:
         say(f"searching for the least {options['of']}")

@@ -57,7 +57,13 @@ def _joined(number: str, unit: str) -> str:
 
 
 def outward(value: float, digits: int, up: bool) -> float:
-    """A number rounded up or down to significant digits; unchanged if it has no more."""
+    """A number rounded up or down to significant digits; unchanged if it has no more.
+
+    Example:
+        >>> from armdesign.units import outward
+        >>> outward(1.2341, 3, up=True)
+        1.24
+    """
     if value == 0:
         return value
     step = 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits)

@@ -52,7 +52,7 @@ def best_of(action: Callable[[], Array], times: int = 5) -> tuple[float, Array]:
 def ours(machine: Machine, shares: Sequence[float], tolerance: float) -> Array:
     """Joint positions (cases, n, nq) of our simulation at a tolerance of its integration."""
     cases = [
-        motion.Case(
+        motion.SimulationCase(
             machine=machine,
             q=POSE,
             command=constant(share),

@@ -24,7 +24,7 @@ from armdesign.simulation.controlled_plant import ControlledPlant
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
-from armdesign.simulation.simulate import Case, simulate_all
+from armdesign.simulation.simulate import SimulationCase, simulate_all
 
 TOLERANCE, CASES = 1e-6, 40
 POSE = np.array([1.154, -1.199, -2.191])  # near the worst
@@ -40,7 +40,7 @@ def best_of(action: Callable[[], Any], times: int = 3) -> float:
     return shortest
 
 
-def sweeps() -> list[Case]:
+def sweeps() -> list[SimulationCase]:
     """Cases that differ in payload, pose and amplitude."""
     found = []
     for number in range(CASES):
@@ -50,7 +50,7 @@ def sweeps() -> list[Case]:
         commands = experiment.commands(experiment.swept_sine(5e-4 * (1 + number % 3) / 2))
         hold = 0.25 * experiment.band[0]
         found.append(
-            Case(
+            SimulationCase(
                 machine=machine,
                 q=pose,
                 command=commands,
@@ -63,7 +63,7 @@ def sweeps() -> list[Case]:
     return found
 
 
-def by_scipy(case: Case, method: str) -> float:
+def by_scipy(case: SimulationCase, method: str) -> float:
     """Factor of real time of one case by scipy's integrator with the same right-hand side."""
     plant = Plant(case.machine)
     start = find_equilibrium(plant, case.q, case.preloaded).state

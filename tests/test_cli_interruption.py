@@ -255,6 +255,6 @@ def test_a_design_outlives_its_validation(
         " --points 5 --starts 1"
     )
     text = ad.load(out / "paper_1dof_optimized.toml").text
-    monkeypatch.setattr("armdesign.design.design.multistart", refused)
+    monkeypatch.setattr("armdesign.design.optimize.multistart", refused)
     assert main(words, monkeypatch) == 130
     assert ad.load(out / "paper_1dof_optimized.toml").text == text

@@ -194,6 +194,17 @@ def bandwidth_map(
             keep.
         PoseError: a pose that this machine cannot take, or no pose at which a controller works.
         SimulationError: an actuator has no valve.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> bandwidths = ad.bandwidth_map(machine, workspace, damping=0.02)
+        >>> print(bandwidths.frame[["boom", "f1_hz", "own_hz"]].round(2).to_string(index=False))
+         boom  f1_hz  own_hz
+        -0.82   7.45    5.47
+        -0.08  10.40    7.57
+         0.65  16.63   11.93
     """
     options = ControlOptions(
         damping=damping,

@@ -67,6 +67,15 @@ def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainS
 
     Raises:
         ArmDesignError: no such load case, or no pose at which it can be controlled.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> bandwidths = ad.bandwidth_map(machine, workspace, damping=0.02)
+        >>> schedule = ad.gain_schedule(bandwidths)
+        >>> print(schedule([[0.0], [0.2]]).position.round(1).tolist())
+        [[16.1], [18.7]]
     """
     machine, table = bandwidths.machine, bandwidths.schedule
     cases = list(dict.fromkeys(bandwidths.frame["payload"]))

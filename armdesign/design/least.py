@@ -98,6 +98,14 @@ def least(
 
     Raises:
         InfeasibleError: no amount is enough, because other requirements limit the frequency.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> design = ad.least(machine, workspace, frequency=7.2, vary=["areas"], starts=1)
+        >>> print(f"{design.requirements.oil_total_share:.3f} of the oil of today")
+        0.975 of the oil of today
     """
     if of not in AMOUNTS:
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")

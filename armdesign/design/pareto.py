@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.design.catalogue.sizes import sizes_and_grid
-from armdesign.design.design import Design, optimize
+from armdesign.design.design import Design
+from armdesign.design.optimize import optimize
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
@@ -144,6 +145,16 @@ def pareto(
         ArmDesignError: a trade-off that does not exist, or values that cannot be.
         InfeasibleError: no design meets any of the values.
         Stopped: Ctrl-C, with the designs that were found before it.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=2)
+        >>> trade = ad.pareto(machine, workspace, values=[1.0, 1.05], vary=["areas"], starts=1)
+        >>> print(trade.frame[["limit", "frequency_hz"]].round(2).to_string(index=False))
+         limit  frequency_hz
+          1.00          7.45
+          1.05          7.77
     """
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
-from armdesign.design.design import Design, design_of
+from armdesign.design.design import Design
 from armdesign.design.kept_designs import form
+from armdesign.design.optimize import design_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.provenance import call
@@ -152,6 +153,18 @@ def steps(
 
     Raises:
         InfeasibleError: no step has a design.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=2)
+        >>> which = ad.steps(machine, workspace)
+        >>> for step in which.steps:
+        ...     print(len(step.pins), f"{step.gain:+.1%}", *step.pins)
+        ...
+        0 +0.0%
+        1 +11.6% cylinder.lift.rod_end
+        2 +16.0% cylinder.lift.base cylinder.lift.rod_end
     """
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)

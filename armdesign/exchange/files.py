@@ -42,6 +42,16 @@ def export(machine: Machine, path: str | Path, pose: ArrayLike | None = None) ->
     Raises:
         ArmDesignError: another ending, a pose that is none, a place that cannot be written, or
             no ezdxf for DXF.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     path = ad.export(machine, f"{folder}/pins.csv")
+        ...     print(path.read_text().splitlines()[0])
+        ...
+        link,pin,kind,x_mm,y_mm,z_mm,root_x_mm,root_y_mm,root_z_mm
     """
     file = Path(path)
     kind = file.suffix.lower().removeprefix(".")

@@ -37,6 +37,15 @@ def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
 
     Raises:
         PoseError: not one number per joint.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> pins = ad.pin_table(machine, [0.0])
+        >>> print(pins[["link", "pin", "root_x_mm", "root_z_mm"]].head(2).to_string(index=False))
+        link       pin  root_x_mm  root_z_mm
+        base lift.base     -500.0        0.0
+        base      boom        0.0        0.0
     """
     import pandas as pd
 

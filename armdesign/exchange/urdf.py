@@ -47,6 +47,13 @@ def robot_positions(machine: Machine, q: ArrayLike) -> pd.DataFrame:
 
     Raises:
         PoseError: not one number per joint.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> print(ad.robot_positions(machine, [0.5]).round(3).to_string(index=False))
+         boom  lift_barrel  lift_rod
+          0.5        0.007    -0.074
     """
     import pandas as pd
 

@@ -101,7 +101,13 @@ class Bands:
 
     @classmethod
     def of(cls, machine: Machine) -> Bands:
-        """The bands that the machine's file states; exact where it states none."""
+        """The bands that the machine's file states; exact where it states none.
+
+        Example:
+            >>> import armdesign as ad
+            >>> print(ad.Bands.of(ad.load("excavator_20t")))
+            Bands(structure=(0.0, 1.0))
+        """
         section = machine.section.bands
         air = section.entrained_air_percent
         return cls(
@@ -294,6 +300,15 @@ def frequency_band(
         workspace: poses that count; the worst is taken among them, not between them.
         bands: what is not known exactly; None: the machine's file states them.
         today: the machine that this one was made from, whose structure it keeps; None: itself.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> bands = ad.Bands(structure=(0.0, 1.0))
+        >>> band = ad.frequency_band(machine, workspace, bands)
+        >>> print(f"{band.low.frequency:.2f} to {band.high.frequency:.2f} Hz")
+        4.76 to 7.45 Hz
     """
     bands = bands or Bands.of(machine)
     scenarios, lowest = [], []

@@ -216,6 +216,14 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     Raises:
         PoseError: a pose that this machine cannot take, or a load case that exists at none of
             them.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> worst = ad.frequency_map(machine, workspace).worst
+        >>> print(f"{worst.frequency:.2f} Hz, {worst.cylinder}")
+        7.45 Hz, lift
     """
     workspace = workspace or Workspace.grid(machine)
     cases = list(load_cases(machine, workspace))

@@ -53,6 +53,13 @@ def natural_modes(poses: Poses) -> Modes:
 
     Raises:
         PoseError: the inertia is not positive definite (a massless joint without payload).
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> modes = ad.natural_modes(machine.at([[-0.5], [0.0], [0.5]]))
+        >>> print(modes.frequencies[:, 0].round(2))
+        [ 8.77 10.77 14.25]
     """
     return stacked((_natural_modes(poses[rows]) for rows in chunks(len(poses))), len(poses))
 

@@ -79,6 +79,13 @@ class Workspace(ReadOnly):
 
         Raises:
             ArmDesignError: counts or margin that cannot be, or nothing left.
+
+        Example:
+            >>> import armdesign as ad
+            >>> machine = ad.load("paper_1dof")
+            >>> workspace = ad.Workspace.grid(machine, points=5)
+            >>> print(workspace.q.shape, (workspace.q[:, 0] / ad.units.deg).round())
+            (5, 1) [-47. -26.  -5.  16.  37.]
         """
         margin = _checked_margin(machine, end_margin)
         axes = joint_axes(machine, points, margin)

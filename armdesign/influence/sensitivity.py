@@ -194,6 +194,15 @@ def sensitivity(
 
     Raises:
         ArmDesignError: the machine is unstable at its worst pose, or ``within`` is no share.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> worth = ad.sensitivity(machine, workspace)
+        >>> rows = worth.frame.set_index("key")
+        >>> print(rows.loc["cylinder.lift.bore_mm", "hz_per_unit"].round(3), "Hz per mm")
+        0.287 Hz per mm
     """
     if not 0 <= within <= 10:
         raise ArmDesignError("within", f"{within!r} is not allowed", "give a share in [0, 10]")

@@ -251,6 +251,22 @@ def tolerances(
     Raises:
         ArmDesignError: no widths, a number that has none, a count or least frequency that cannot
             be, or a machine that is unstable at its worst pose.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> machine = machine.replace({"tolerances.pin_mm": 0.5})
+        >>> spread = ad.tolerances(machine, workspace, count=64)
+        >>> print(spread.percentiles.round(2))
+                exact  linear
+        0.1 %    7.34    7.34
+        1 %      7.35    7.35
+        5 %      7.36    7.37
+        50 %     7.45    7.45
+        95 %     7.53    7.53
+        99 %     7.55    7.55
+        99.9 %   7.56    7.56
     """
     _check(count, least, seed)
     widths = widths_of(machine)

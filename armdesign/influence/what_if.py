@@ -176,6 +176,14 @@ def what_if(
     Raises:
         ArmDesignError: a key that does not exist, with the nearest that does; a value that it
             cannot have; or a machine that cannot be.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> answer = ad.what_if(machine, {"cylinder.lift.bore_mm": 70.0}, points=3)
+        >>> worst = answer.frame.iloc[0]
+        >>> print(f"{worst['quantity']}: {worst['before']:.2f} to {worst['after']:.2f} Hz")
+        worst: 7.45 to 9.56 Hz
     """
     if not isinstance(changes, Mapping):
         raise ArmDesignError("what-if", f"{changes!r}: expected {{key path: value}}")

@@ -135,6 +135,13 @@ def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
 
     Raises:
         ArmDesignError: no point of the grid is within reach, or a joint that does not move it.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> chart = ad.lift_chart(machine)
+        >>> print(chart.capacity.min().round(), chart.limiting[0])
+        412.0 lift
     """
     poses = chart_poses(machine, like)
     masses = liftable_masses(machine, poses.rigid, poses.torque, HYDRAULIC_SHARE)

@@ -24,6 +24,12 @@ def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
 
     Raises:
         MachineFileError: no such machine, or a fault in its file or URDF.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> print(machine.name, machine.joints, [cylinder.name for cylinder in machine.cylinders])
+        paper_1dof ('boom',) ['lift']
     """
     text, urdf_text, path, section = _texts(path_or_name, allow_outside)
     return Machine.from_text(text, urdf_text, path, section=section)

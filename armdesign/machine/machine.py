@@ -368,6 +368,13 @@ class Machine:
 
         Raises:
             PoseError: a pose out of stroke, at which a four-bar does not close, or singular.
+
+        Example:
+            >>> import armdesign as ad
+            >>> machine = ad.load("paper_1dof")
+            >>> poses = machine.at([[-0.5], [0.0], [0.5]])
+            >>> print(poses.moment_arms.shape, poses.lengths[:, 0].round(3))
+            (3, 1, 1) [0.587 0.522 0.448]
         """
         q = q if isinstance(q, RigidPoses) else joint_positions(self, q)
         chunked = (self._reachable(q[rows]) for rows in with_bar(chunks(len(q)), len(q), "poses"))

@@ -32,7 +32,7 @@ from armdesign.motion.trajectory import Leg, fastest_leg, trajectory
 from armdesign.simulation.plant.equilibrium import refuse_overcome
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled as at_rest
-from armdesign.simulation.simulate import Case, simulate_all
+from armdesign.simulation.simulate import SimulationCase, simulate_all
 from armdesign.units import l_per_min, mm
 
 SHARE = 0.7  # of flow and force that a plan uses: the arm rings about it
@@ -164,7 +164,7 @@ def _runs(move: Move, masses: Sequence[float], settled: float) -> tuple[MoveRun,
     after = ring_time(move.machine, lowest)
     pairs = ((move.unshaped_commands, move.lead + move.duration), (move.commands, move.stop_time))
     cases = [
-        Case(machine=model, q=move.poses[0], command=command, duration=end + after)
+        SimulationCase(machine=model, q=move.poses[0], command=command, duration=end + after)
         for model in (move.machine, *map(move.machine.with_payload, masses[1:]))
         for command, end in pairs
     ]

@@ -81,6 +81,14 @@ def workspace_shaper(
         damping: ratio of all modes.
         modes: how many of the lowest modes it is made for.
         residual: most that may be left at any of them.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> shaper = ad.workspace_shaper(ad.frequency_map(machine, workspace))
+        >>> print(shaper.name, f"{shaper.low:.1f} to {shaper.high:.1f} Hz, {shaper.delay:.3f} s")
+        band of 5 impulses 7.5 to 16.6 Hz, 0.139 s
     """
     count = len(frequencies.machine.arm.coordinates)
     highest = frequencies.frame[f"f{min(modes, count)}_hz"].max()

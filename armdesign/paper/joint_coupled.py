@@ -39,6 +39,15 @@ def joint_coupled_as_printed(
 
     Wrong: the gravity term −m2 g l2. Right: ``joint_coupled``, with these arguments. Both agree
     without gravity.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.joint_coupled_as_printed(
+        ...     load_mass=200, link_pin_distance=0.15, base_pin_distance=0.5, link_length=1.0,
+        ...     stiffness=18e6,
+        ... )
+        >>> print(f"{value:.4g}")
+        6.766
     """
     return _frequency("joint_coupled_as_printed", _printed_gravity, **locals())
 
@@ -74,6 +83,15 @@ def joint_coupled(
     Raises:
         ArmDesignError: not exactly one of stiffness and symmetric data, or a value out of its
             range.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.joint_coupled(
+        ...     load_mass=200, link_pin_distance=0.15, base_pin_distance=0.5, link_length=1.0,
+        ...     stiffness=18e6,
+        ... )
+        >>> print(f"{value:.4g}")
+        6.776
     """
     return _frequency("joint_coupled", _gravity_stiffness, **locals())
 
@@ -112,6 +130,16 @@ def transfer_function_as_printed(
 
     Wrong: the gravity term in Q and H, and the 2 in μ. Right: ``transfer_function``, with these
     arguments.
+
+    Example:
+        >>> import armdesign as ad
+        >>> plant = ad.formulas.transfer_function_as_printed(
+        ...     load_mass=200, link_pin_distance=0.15, base_pin_distance=0.5, link_length=1.0,
+        ...     area=3e-3, chamber_volume=3e-4, bulk_modulus=1.2e9,
+        ...     leakage=0.0, valve_gain=1e-7, supply_pressure=2.1e7, density=870,
+        ... )
+        >>> print(type(plant))
+        <class 'armdesign.paper.joint_coupled.TransferFunction'>
     """
     coefficients = _coefficients(_printed_gravity, **locals())
     return coefficients._replace(mu=2 * coefficients.mu)
@@ -149,6 +177,16 @@ def transfer_function(
         valve_gain: K_v of eq. (6), flow per valve signal and √(Pa m³/kg) [m²].
         supply_pressure: p_p [Pa].
         density: ρ0 [kg/m³].
+
+    Example:
+        >>> import armdesign as ad
+        >>> plant = ad.formulas.transfer_function(
+        ...     load_mass=200, link_pin_distance=0.15, base_pin_distance=0.5, link_length=1.0,
+        ...     area=3e-3, chamber_volume=3e-4, bulk_modulus=1.2e9,
+        ...     leakage=0.0, valve_gain=1e-7, supply_pressure=2.1e7, density=870,
+        ... )
+        >>> print(type(plant))
+        <class 'armdesign.paper.joint_coupled.TransferFunction'>
     """
     return _coefficients(_gravity_stiffness, **locals())
 

@@ -29,6 +29,15 @@ def cylinder_length(*, link_pin_distance: Any, base_pin_distance: Any, angle: An
 
     Raises:
         ArmDesignError: a distance that is not positive.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.cylinder_length(
+        ...     link_pin_distance=0.15, base_pin_distance=0.5,
+        ...     angle=90 * ad.units.deg,
+        ... )
+        >>> print(f"{value:.4g}")
+        0.522
     """
     return _length(*numbers("cylinder_length", **locals()))
 
@@ -40,6 +49,13 @@ def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) 
 
     Raises:
         ArmDesignError: a distance that is not positive, or a length that the two cannot span.
+
+    Example:
+        >>> import armdesign as ad
+        >>> pins = {"link_pin_distance": 0.15, "base_pin_distance": 0.5}
+        >>> value = ad.formulas.joint_angle(**pins, length=0.522)
+        >>> print(f"{value:.4g}")
+        1.571
     """
     a1, d1, x = numbers("joint_angle", **locals())
     cosine = (a1**2 + d1**2 - x**2) / (2 * a1 * d1)
@@ -61,6 +77,12 @@ def moment_arm(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any = m
 
     Raises:
         ArmDesignError: a distance that is not positive, or two pins in one place.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.moment_arm(link_pin_distance=0.15, base_pin_distance=0.5)
+        >>> print(f"{value:.4g}")
+        0.1437
     """
     a1, d1, theta = numbers("moment_arm", **locals())
     length = _length(a1, d1, theta)
@@ -84,6 +106,13 @@ def joint_inertia(*, load_mass: Any, link_pin_distance: Any, link_length: Any) -
     Raises:
         ArmDesignError: a negative mass, a distance that is not positive, or a length that is not
             finite.
+
+    Example:
+        >>> import armdesign as ad
+        >>> lengths = {"link_pin_distance": 0.15, "link_length": 1.0}
+        >>> value = ad.formulas.joint_inertia(load_mass=200, **lengths)
+        >>> print(f"{value:.4g}")
+        204.5
     """
     m2, a1, l2 = numbers("joint_inertia", **locals())
     return m2 * (a1**2 + l2**2)
@@ -101,6 +130,15 @@ def gravity_torque(*, load_mass: Any, link_pin_distance: Any, link_length: Any, 
     Raises:
         ArmDesignError: a negative mass, a distance that is not positive, a length or angle that is
             not finite.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.gravity_torque(
+        ...     load_mass=200, link_pin_distance=0.15, link_length=1.0,
+        ...     angle=90 * ad.units.deg,
+        ... )
+        >>> print(f"{value:.4g}")
+        -1962
     """
     m2, a1, l2, theta = numbers("gravity_torque", **locals())
     return m2 * GRAVITY * (a1 * np.cos(theta) - l2 * np.sin(theta))
@@ -126,6 +164,14 @@ def static_force(
     Raises:
         ArmDesignError: a negative mass, a distance that is not positive, or a dead centre, where
             no force holds a load.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.static_force(
+        ...     load_mass=200, link_pin_distance=0.15, base_pin_distance=0.5, link_length=1.0,
+        ... )
+        >>> print(f"{value:.4g}")
+        -1.366e+04
     """
     m2, a1, d1, l2, theta = numbers("static_force", **locals())
     if np.any(dead := np.abs(np.sin(theta)) < _DEAD_CENTRE):
@@ -142,6 +188,15 @@ def static_pressure_difference_as_printed(
 
     m2 g l2/(d1 cos α0 A). The sign is wrong: by eq. (22) the load pulls the rod. Right:
     ``static_pressure_difference``, with these arguments.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.static_pressure_difference_as_printed(
+        ...     load_mass=200, link_pin_distance=0.15, base_pin_distance=0.5, link_length=1.0,
+        ...     area=3e-3,
+        ... )
+        >>> print(f"{value:.4g}")
+        4.552e+06
     """
     return -static_pressure_difference(**locals())
 
@@ -162,6 +217,15 @@ def static_pressure_difference(
 
     Raises:
         ArmDesignError: a value out of its range.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.static_pressure_difference(
+        ...     load_mass=200, link_pin_distance=0.15, base_pin_distance=0.5, link_length=1.0,
+        ...     area=3e-3,
+        ... )
+        >>> print(f"{value:.4g}")
+        -4.552e+06
     """
     force = static_force(**{name: value for name, value in locals().items() if name != "area"})
     force, A = numbers("static_pressure_difference", static_force=force, area=area)

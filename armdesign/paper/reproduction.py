@@ -30,7 +30,7 @@ from armdesign.simulation.excitation import SweptSine
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.identification.modal_fit import spectral_peak
 from armdesign.simulation.run import Simulation
-from armdesign.simulation.simulate import Case, simulate_all
+from armdesign.simulation.simulate import SimulationCase, simulate_all
 from armdesign.units import mm
 
 if TYPE_CHECKING:
@@ -199,9 +199,9 @@ def _measurements(machines: Sequence[Machine], sweep: SweptSine) -> tuple[Measur
     )
 
 
-def _open_loop(small: Experiment, sweep: SweptSine) -> Case:
+def _open_loop(small: Experiment, sweep: SweptSine) -> SimulationCase:
     """The paper's sweep of an experiment's machine."""
-    return Case(
+    return SimulationCase(
         machine=small.machine,
         q=np.zeros(1),
         command={small.machine.cylinders[0].name: sweep},

@@ -23,6 +23,13 @@ def symmetric_stiffness(*, area: Any, chamber_volume: Any, bulk_modulus: Any) ->
         area: A, piston area [m²].
         chamber_volume: V0, oil in each of the two equal chambers [m³].
         bulk_modulus: β [Pa].
+
+    Example:
+        >>> import armdesign as ad
+        >>> oil = {"chamber_volume": 3e-4, "bulk_modulus": 1.2e9}
+        >>> value = ad.formulas.symmetric_stiffness(area=3e-3, **oil)
+        >>> print(f"{value:.4g}")
+        7.2e+07
     """
     beta, A, V0 = numbers(
         "symmetric_stiffness", bulk_modulus=bulk_modulus, area=area, chamber_volume=chamber_volume
@@ -52,6 +59,12 @@ def rigid_load(
     Raises:
         ArmDesignError: not exactly one of stiffness and symmetric data, or a value that is not
             positive.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.rigid_load(mass=1000, stiffness=72e6)
+        >>> print(f"{value:.4g}")
+        42.71
     """
     spring = spring_stiffness("rigid_load", stiffness, area, chamber_volume, bulk_modulus)
     spring, M = numbers("rigid_load", stiffness=spring, mass=mass)
@@ -73,6 +86,15 @@ def rigid_load_asymmetric_as_printed(
     f = 1/(2π) √(2β/M (A1²/V01 + A2²/V02)). Wrong: the factor 2 counts both chambers twice; with
     A1 = A2 and V01 = V02 it is √2 times eq. (11). Right: ``rigid_load_asymmetric``, with these
     arguments.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.rigid_load_asymmetric_as_printed(
+        ...     mass=1000, bulk_modulus=1.2e9, bore_area=3e-3, annulus_area=2e-3,
+        ...     cap_volume=3e-4, annulus_volume=2e-4,
+        ... )
+        >>> print(f"{value:.4g}")
+        55.13
     """
     return math.sqrt(2) * rigid_load_asymmetric(**locals())
 
@@ -97,6 +119,15 @@ def rigid_load_asymmetric(
         annulus_area: A2 [m²].
         cap_volume: V01, oil on the bore side [m³].
         annulus_volume: V02, oil on the rod side [m³].
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.rigid_load_asymmetric(
+        ...     mass=1000, bulk_modulus=1.2e9, bore_area=3e-3, annulus_area=2e-3,
+        ...     cap_volume=3e-4, annulus_volume=2e-4,
+        ... )
+        >>> print(f"{value:.4g}")
+        38.98
     """
     cylinder = {name: value for name, value in locals().items() if name != "mass"}
     beta, A1, A2, V01, V02 = numbers("rigid_load_asymmetric", **cylinder)
@@ -108,6 +139,12 @@ def equivalent_mass(*, static_force: Any) -> Any:
 
     The paper puts it into eq. (11). It vanishes where gravity does not load the cylinder, and it
     is no inertia: see ``reflected_mass``.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.equivalent_mass(static_force=9810)
+        >>> print(f"{value:.4g}")
+        1000
     """
     (force,) = numbers("equivalent_mass", **locals())
     return np.abs(force) / GRAVITY
@@ -124,6 +161,12 @@ def reflected_mass(*, joint_inertia: Any, moment_arm: Any) -> Any:
 
     Raises:
         ArmDesignError: a negative inertia, or a moment arm that is not positive.
+
+    Example:
+        >>> import armdesign as ad
+        >>> value = ad.formulas.reflected_mass(joint_inertia=200, moment_arm=0.15)
+        >>> print(f"{value:.4g}")
+        8889
     """
     J, r = numbers("reflected_mass", **locals())
     return J / r**2

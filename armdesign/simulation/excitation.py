@@ -106,6 +106,18 @@ class SweptSine:
     duration: float
     fade: float = 0.1
 
+    def __post_init__(self) -> None:
+        for name, given in vars(self).items():
+            if not isinstance(given, Real) or not math.isfinite(given):
+                fault = f"{given!r} is not a finite number"
+                raise SimulationError(f"swept sine: {name}", fault, "give one")
+        if min(self.start, self.stop) < 0 or self.duration <= 0 or not 0 < self.fade <= 0.5:
+            fault = (
+                f"of {self.start:g} to {self.stop:g} Hz in {self.duration:g} s, fade {self.fade:g}"
+            )
+            remedy = "give frequencies from 0 up, a duration above 0 s and a fade in (0, 0.5]"
+            raise SimulationError("swept sine", f"{fault} is none", remedy)
+
     @property
     def breakpoints(self) -> tuple[float, ...]:
         """Both ends, and where it has risen and begins to fall [s]."""

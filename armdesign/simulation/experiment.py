@@ -35,7 +35,7 @@ from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
 from armdesign.simulation.run import Simulation
-from armdesign.simulation.simulate import Case
+from armdesign.simulation.simulate import SimulationCase
 from armdesign.simulation.sweeps import AGREES
 from armdesign.units import bar, mm
 
@@ -164,13 +164,15 @@ class Experiment:
         }
         return commands | {self.cylinder: SymmetricCommand(self.valve, centre, excitation)}
 
-    def case(self, excitation: Callable[[float], float], duration: float | None = None) -> Case:
+    def case(
+        self, excitation: Callable[[float], float], duration: float | None = None
+    ) -> SimulationCase:
         """A run under an excitation of the mean opening; a slow loop holds the mean position.
 
         The excitation is ``swept_sine`` or another function of time, the duration the sweep's
         unless one is given [s].
         """
-        return Case(
+        return SimulationCase(
             machine=self.machine,
             q=self.pose,
             command=self.commands(excitation),

@@ -74,6 +74,13 @@ def linearize(
         SimulationError: a cylinder has no valve, a relief cannot hold its load, an opening is
             beyond ±1, pump, valves or vapour do not allow the motion, or trapped oil does not hold
             the pose; with the nearest thing that can be.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> model = ad.linearize(machine, [0.0])
+        >>> print(model.natural_frequencies.round(2), model.states[:2])
+        [10.77] ('boom position', 'boom velocity')
     """
     poses = joint_positions(machine, q)
     if len(poses) != 1:
@@ -127,6 +134,14 @@ def linear_models(
         PoseError: a pose cannot be taken.
         SimulationError: a cylinder has no valve, a relief cannot hold its load, an opening is
             beyond ±1, or pump, valves or vapour do not allow the motion; with what they allow.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> models = ad.linear_models(machine, workspace.q)
+        >>> print(*(model.natural_frequencies.round(2) for model in models))
+        [7.45] [10.4] [16.63]
     """
     machine = machine if payload is None else machine.with_payload(payload)
     rigid = q if isinstance(q, RigidPoses) else machine.rigid_poses(q)

@@ -32,7 +32,7 @@ F = TypeVar("F", Cylinder, Motor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Case:
+class SimulationCase:
     """One run of ``simulate_all``; its fields are the arguments of ``simulate``."""
 
     machine: Machine
@@ -94,12 +94,21 @@ def simulate(
         ArmDesignError: there is no such load case.
         PoseError: the pose cannot be taken, or the load case does not exist there.
         SimulationError: a valve is missing, or the integration gives up.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> run = ad.simulate(machine, [0.0], {"lift": ad.Step(size=0.05)}, duration=0.2)
+        >>> print(f"{run.q[-1, 0]:.4f} rad")
+        -0.0345 rad
     """
     arguments = {name: value for name, value in locals().items() if name != "tolerance"}
-    return simulate_all([Case(**arguments)], tolerance=tolerance)[0]
+    return simulate_all([SimulationCase(**arguments)], tolerance=tolerance)[0]
 
 
-def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list[Simulation]:
+def simulate_all(
+    cases: Sequence[SimulationCase], *, tolerance: float = TOLERANCE
+) -> list[Simulation]:
     """Many runs as stacked systems, far faster than one by one and with the same results.
 
     Cases of one shape (the same joints, cylinders between them and motors) make one system, each
@@ -113,6 +122,13 @@ def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list
         PoseError: a pose cannot be taken.
         SimulationError: a valve is missing, or the integration of some cases gives up: all of them
             are named.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine, command = ad.load("paper_1dof"), {"lift": ad.Step(size=0.05)}
+        >>> case = ad.SimulationCase(machine=machine, q=[0.0], command=command, duration=0.2)
+        >>> print([f"{run.q[-1, 0]:.4f} rad" for run in ad.simulate_all([case, case])])
+        ['-0.0345 rad', '-0.0345 rad']
     """
     runs = attempt_all(cases, tolerance=tolerance)
     raise_together([run for run in runs if isinstance(run, SimulationError)])
@@ -120,7 +136,7 @@ def simulate_all(cases: Sequence[Case], *, tolerance: float = TOLERANCE) -> list
 
 
 def attempt_all(
-    cases: Sequence[Case], *, tolerance: float = TOLERANCE
+    cases: Sequence[SimulationCase], *, tolerance: float = TOLERANCE
 ) -> list[Simulation | SimulationError]:
     """The runs of ``simulate_all``, with an error in place of a case that gives up.
 
@@ -141,7 +157,7 @@ def attempt_all(
     return [runs[index] for index in range(len(cases))]
 
 
-def _loaded(case: Case) -> Case:
+def _loaded(case: SimulationCase) -> SimulationCase:
     """The case with its machine under the load case that it names."""
     if case.payload is None:
         return case
@@ -150,12 +166,12 @@ def _loaded(case: Case) -> Case:
     return replace(case, machine=machine)
 
 
-def _settled(case: Case) -> Case:
+def _settled(case: SimulationCase) -> SimulationCase:
     """The case with its machine's springs at rest at its pose."""
     return replace(case, machine=settled(case.machine, case.q)) if case.machine.springs else case
 
 
-def _supplied(case: Case) -> Case:
+def _supplied(case: SimulationCase) -> SimulationCase:
     """The case with the pump pressure that it asks for, and the reliefs where they are today."""
     pressure, machine = case.supply_pressure, case.machine
     if pressure is None:
@@ -181,7 +197,7 @@ def _supplied(case: Case) -> Case:
     return replace(case, machine=supplied)
 
 
-def _refuse(case: Case) -> None:
+def _refuse(case: SimulationCase) -> None:
     name, hold = case.machine.name, 1.0 if case.hold is None else case.hold
     for what, value in (("duration", case.duration), ("rate", case.rate), ("hold", hold)):
         if not (math.isfinite(value) and value > 0):
@@ -195,7 +211,9 @@ def _refuse(case: Case) -> None:
             raise SimulationError(f"{name}: velocity", fault, remedy)
 
 
-def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | SimulationError]:
+def _stacked(
+    cases: Sequence[SimulationCase], tolerance: float
+) -> list[Simulation | SimulationError]:
     """Runs of one shape."""
     plants = [Plant(case.machine) for case in cases]
     starts = [_start(plant, case) for plant, case in zip(plants, cases, strict=True)]
@@ -212,7 +230,7 @@ def _stacked(cases: Sequence[Case], tolerance: float) -> list[Simulation | Simul
     return runs
 
 
-def _start(plant: Plant, case: Case) -> Equilibrium:
+def _start(plant: Plant, case: SimulationCase) -> Equilibrium:
     """Equilibrium at t = 0, but for the velocity."""
     start = find_equilibrium(plant, case.q, case.preloaded)
     if case.velocity is not None:
@@ -228,7 +246,7 @@ def _unheld(holdings: Sequence[StaticHold]) -> list[tuple[float, str]]:
 
 
 def _states(
-    system: ControlledPlant, cases: Sequence[Case], tolerance: float
+    system: ControlledPlant, cases: Sequence[SimulationCase], tolerance: float
 ) -> list[Array | GaveUpError]:
     """States of all cases at their instants, or why there are none."""
     undamped, spools = [], []

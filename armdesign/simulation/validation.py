@@ -42,7 +42,7 @@ from armdesign.short_repr import short_repr
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.linearization import without_dry_friction
 from armdesign.simulation.run import Simulation
-from armdesign.simulation.simulate import Case, attempt_all
+from armdesign.simulation.simulate import SimulationCase, attempt_all
 from armdesign.simulation.sweeps import Failure, Run, Sweep, with_remarks
 
 if TYPE_CHECKING:
@@ -181,6 +181,15 @@ def validate(
         PoseError: a pose cannot be taken.
         SimulationError: a valve is missing, the load cannot be held, or no run at all can be made
             and fitted; those that can are worth having without the others, which are ``failures``.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> validation = ad.validate(machine, [0.0])
+        >>> print(validation.frame[["linear_hz", "identified_hz"]].round(1).to_string(index=False))
+         linear_hz  identified_hz
+              10.8           10.8
+              10.8           10.8
     """
     if amplitude is not None and not 0 < amplitude <= 1:
         part = f"{machine.name}: amplitude"
@@ -263,7 +272,7 @@ class PlannedSweep:
     experiment: Experiment
 
     @property
-    def case(self) -> Case:
+    def case(self) -> SimulationCase:
         """Its run."""
         return self.experiment.case(self.experiment.swept_sine(self.sweep.amplitude))
 

@@ -120,6 +120,16 @@ def sweep(
     Raises:
         ArmDesignError: anything that keeps all cases from an answer. What is wrong with one case
             is in the frame.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> answers = ad.sweep(machine, {"payload.load.mass_kg": [100, 200]}, points=3)
+        >>> columns = ["payload.load.mass_kg", "worst_hz"]
+        >>> print(answers.frame[columns].round(2).to_string(index=False))
+         payload.load.mass_kg  worst_hz
+                          100     10.54
+                          200      7.45
     """
     chosen = of_sobol(changes, sobol, seed) if sobol and isinstance(changes, Mapping) else (
         of_any(changes)

@@ -32,7 +32,7 @@ def design(
     catalogue: str | None = None,
 ) -> Numbers:
     """Worst frequency today and of the best machine [Hz], its gains, and every changed number."""
-    from armdesign.design.design import optimize, size_cylinders
+    from armdesign.design.optimize import optimize, size_cylinders
 
     if tuple(vary) == ("areas",):
         best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)

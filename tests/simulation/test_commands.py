@@ -19,7 +19,7 @@ from armdesign.simulation.excitation import SweptSine, SymmetricCommand
 from armdesign.simulation.integrator import Breaks, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
-from armdesign.simulation.simulate import Case, simulate, simulate_all
+from armdesign.simulation.simulate import SimulationCase, simulate, simulate_all
 from tests.simulation.valves import WORST
 
 SIZE = 0.3
@@ -61,7 +61,9 @@ def test_no_pulse_is_lost(excavator: Machine, width: float, rate: float, told: b
     ]
     runs = simulate_all(
         [
-            Case(machine=excavator, q=WORST, command={"boom": p}, duration=1.0, rate=rate)
+            SimulationCase(
+                machine=excavator, q=WORST, command={"boom": p}, duration=1.0, rate=rate
+            )
             for p in pulses
         ]
     )
@@ -129,7 +131,7 @@ def test_cases_with_unlike_breaks_come_out_as_if_alone(excavator: Machine) -> No
         SweptSine(amplitude=0.1, start=50, stop=50, duration=0.01, fade=0.5),
     ]
     cases = [
-        Case(machine=excavator, q=WORST, command={"boom": command}, duration=0.5)
+        SimulationCase(machine=excavator, q=WORST, command={"boom": command}, duration=0.5)
         for command in commands
     ]
     for case, run in zip(cases, simulate_all(cases), strict=True):

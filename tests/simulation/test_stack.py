@@ -15,7 +15,7 @@ from armdesign.errors import SimulationError
 from armdesign.simulation.integrator import Breaks, GaveUpError, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
-from armdesign.simulation.simulate import Case, attempt_all, simulate, simulate_all
+from armdesign.simulation.simulate import SimulationCase, attempt_all, simulate, simulate_all
 from tests import machines
 from tests.simulation.valves import WORST
 
@@ -106,18 +106,20 @@ def pulse(size: float, until: float = 0.3) -> Callable[[float], float]:
     return lambda time: size if time < until else 0.0
 
 
-def cases(excavator: Machine) -> list[Case]:
+def cases(excavator: Machine) -> list[SimulationCase]:
     """Unlike poses, loads, oils, pins, commands, durations, rates; one goes hard into its stop."""
     changed = excavator.replace({"cylinder.boom.bore_mm": 125.0, "fluid.bulk_modulus_MPa": 900})
     return [
-        Case(machine=excavator, q=WORST, command={"boom": pulse(-0.01)}, duration=1.0, rate=50),
-        Case(
+        SimulationCase(
+            machine=excavator, q=WORST, command={"boom": pulse(-0.01)}, duration=1.0, rate=50
+        ),
+        SimulationCase(
             machine=excavator.with_payload("empty"),
             q=(0.3, -1.2, -1.0),
             command={"bucket": pulse(0.05)},
             duration=0.4,
         ),
-        Case(
+        SimulationCase(
             machine=changed,
             q=WORST,
             command={"stick": pulse(0.02)},
@@ -125,8 +127,10 @@ def cases(excavator: Machine) -> list[Case]:
             rate=90,
             hold=0.2,
         ),
-        Case(machine=excavator, q=WORST, command={"boom": pulse(1.0, 0.5)}, duration=0.6, rate=60),
-        Case(machine=machines.named("paper_1dof"), q=[0.0], command={}, duration=0.1),
+        SimulationCase(
+            machine=excavator, q=WORST, command={"boom": pulse(1.0, 0.5)}, duration=0.6, rate=60
+        ),
+        SimulationCase(machine=machines.named("paper_1dof"), q=[0.0], command={}, duration=0.1),
     ]
 
 
@@ -145,7 +149,7 @@ def test_a_case_does_not_depend_on_its_company(excavator: Machine) -> None:
 def test_a_case_that_gives_up_does_not_touch_the_others(excavator: Machine) -> None:
     """Its spool loses its command on the way: the others come out bit by bit as without it."""
     good = cases(excavator)[:3]
-    bad = Case(
+    bad = SimulationCase(
         machine=excavator,
         q=WORST,
         command={"boom": lambda t: 0.01 if t < 0.2 else math.nan},

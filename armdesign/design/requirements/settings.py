@@ -94,6 +94,12 @@ class Requirements(
 
         Raises:
             MachineFileError: a key or value that the file cannot have.
+
+        Example:
+            >>> import armdesign as ad
+            >>> machine = ad.load("paper_1dof")
+            >>> print(ad.Requirements.of(machine, lift_share=0.95).lift_share)
+            0.95
         """
         if instead:
             machine = machine.replace({f"requirements.{key}": x for key, x in instead.items()})

@@ -1,0 +1,202 @@
+"""Searches for the best design: ``optimize`` of sizes and pins, ``size_cylinders`` alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from armdesign.arrays import Array
+from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
+from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
+from armdesign.design.design import Design
+from armdesign.design.kept_designs import finished_design
+from armdesign.design.program.problem import ChosenSizes, Problem
+from armdesign.design.provenance import call
+from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.infeasibility.refusal import design_or_proof
+from armdesign.design.search.multistart import Starts, formulate, formulate_with_sizes, multistart
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.modes import hertz
+from armdesign.frequency.workspace import Workspace
+from armdesign.machine.machine import Machine
+
+
+def optimize(
+    machine: Machine,
+    workspace: Workspace | None = None,
+    requirements: Requirements | None = None,
+    vary: Sequence[str] = ("areas", "pins"),
+    *,
+    starts: int | None = None,
+    seed: int = 0,
+    workers: int = 1,
+    start: Design | None = None,
+    bands: Bands | None = None,
+    objective: str = "gain",
+    catalogue: str | Iterable[Sequence[float]] | None = None,
+) -> Design:
+    """Cylinder areas and pins that raise the worst frequency over workspace and load cases.
+
+    Within bands of what is not known exactly the least gain over today's machine counts, so that
+    no corner of them pays for another.
+
+    Args:
+        machine: today's machine.
+        workspace: poses that count; default grid if None.
+        requirements: limits; None: the machine's file states them.
+        vary: words ("areas"; "pins"; "linkages": pins and all of the four-bars) and key paths of
+            the machine file ("cylinder.boom.bore_mm", "cylinder.bucket.four_bar",
+            "cylinder.stick.base.at_mm.0").
+        starts: how many starts the search makes; the first is today's machine, the others are
+            drawn in the pin box. None: 3, or 6 where four-bars move.
+        seed: of the drawn starts. The same seed gives the same answer.
+        workers: processes that share the starts. The answer does not depend on it; a process takes
+            some seconds to set up, so that it pays from about ten starts, or three with four-bars.
+        start: a design of the same machine under other limits, where the first start is then made.
+        bands: what is not known exactly; the machine file's bands if None, ``Bands()`` for the
+            file's values alone. Requirements are judged at the values of the file. Structure in
+            series with a cylinder stays as it is [m/N], whatever the new cylinder.
+        objective: what rises within bands: "gain", the least of f_new/f_today over their corners,
+            or "worst", the worst frequency within them.
+        catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; pins
+            then lie on whole millimetres and strokes on 5 mm. None: as ``requirements.catalogue``
+            of the machine's file says. "free", or where the file says nothing: any size, pin and
+            stroke on the 0.1 mm grid. From the best free sizes one cylinder after the other
+            takes a size of the catalogue while the rest follows; then the best sizes for the pins
+            and the best pins for the sizes are found in turn, and one size after the other is
+            chosen again, until nothing is better. ``bound`` is for free sizes and pins; where no
+            pin varies, for sizes of the catalogue. A bore or rod that does not vary stays: then
+            only pairs that have it are offered.
+
+    Raises:
+        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from
+            another machine; no catalogue, or one of no use.
+        InfeasibleError: no design meets the requirements. Granted what it asks for, the same call
+            gives one: that was tried.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> limits = ad.Requirements.of(machine, oil_total_share=1.05)
+        >>> design = ad.optimize(machine, workspace, limits, vary=["areas"], starts=1)
+        >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
+        7.45 to 7.77 Hz
+    """
+    problem, sizes = formulate_with_sizes(
+        machine, workspace, requirements, vary,
+        bands=bands, objective=objective, catalogue=catalogue,
+    )  # fmt: skip
+    if start is not None and _names(start.today) != _names(machine):
+        fault = f"is a design of {start.today.name}, not of {machine.name}"
+        raise ArmDesignError("start", fault, "give one of it")
+    given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
+    command = call(
+        "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
+        objective=None if objective == "gain" else objective, catalogue=catalogue,
+    )  # fmt: skip
+
+    def under(problem: Problem) -> Design:
+        return design_of(problem, sizes, starts, seed, workers, command=command, given=given)
+
+    identity = [command, repr(sizes), given and [given[0].tolist(), repr(given[1])]]
+    return finished_design(
+        Design, problem, identity, lambda: design_or_proof(problem, under, sizes is not None)
+    )
+
+
+def design_of(
+    problem: Problem,
+    sizes: Sizes | None,
+    starts: int | None,
+    seed: int = 0,
+    workers: int = 1,
+    *,
+    command: str,
+    given: tuple[Array, ChosenSizes] | None = None,
+) -> Design:
+    """The best design of a problem; arguments as in ``optimize``.
+
+    ``given`` is a design to start from, and the sizes that it has of a catalogue.
+
+    Raises:
+        InfeasibleError: none was found that meets the requirements.
+    """
+    if sizes is None:
+        outcome = multistart(problem, starts, seed, workers, given and given[0])
+        return Design.of(*outcome, command=command)
+    if not problem.vector.moving:
+        return _of_catalogue(problem, sizes, command)
+    search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+    return Design.of(search, reached, rounded=rounded, command=command)
+
+
+def size_cylinders(
+    machine: Machine,
+    workspace: Workspace | None = None,
+    requirements: Requirements | None = None,
+    *,
+    dead_volume: str = "fixed",
+    bands: Bands | None = None,
+    objective: str = "gain",
+    catalogue: str | Iterable[Sequence[float]] | None = None,
+) -> Design:
+    """Bore and rod of every cylinder for given pins, with an upper bound for any sizes.
+
+    With ``dead_volume="proportional"`` (dead volumes grow with the areas) stiffness is linear in
+    the areas: one semidefinite programme is the global optimum and ``bound`` its dual certificate
+    (where buckling binds, which is reverse-convex, the bound may stay above the value). With
+    "fixed" each step replaces the convex stiffness by its tangent, so frequencies rise from step
+    to step; ``bound`` comes from its chord over all areas that are allowed.
+
+    With a ``catalogue`` (as in ``optimize``, the file's by default) every cylinder has one
+    of its sizes, and the combination is the best of all; ``bound`` equals ``unrounded`` where that
+    is proved, and lies above it by the gap that is left where the combinations are too many.
+
+    ``bands`` and ``objective`` count as in ``optimize``, for the bound too.
+
+    Raises:
+        InfeasibleError: no sizes meet the requirements.
+
+    Example:
+        >>> import armdesign as ad
+        >>> machine = ad.load("paper_1dof")
+        >>> workspace = ad.Workspace.grid(machine, points=3)
+        >>> design = ad.size_cylinders(machine, workspace, ad.Requirements(oil_total_share=1.05))
+        >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
+        7.45 to 7.77 Hz
+    """
+    if dead_volume not in ("fixed", "proportional"):
+        remedy = 'give "fixed" or "proportional"'
+        raise ArmDesignError("dead_volume", f'"{dead_volume}" is not allowed', remedy)
+    proportional = dead_volume == "proportional"
+    sizes, grid = sizes_and_grid(machine, catalogue)
+    problem = formulate(
+        machine, workspace, requirements, ("areas",), proportional, bands, objective, grid
+    )
+    command = call(
+        "size_cylinders", dead_volume=dead_volume, bands=bands,
+        objective=None if objective == "gain" else objective, catalogue=catalogue,
+    )  # fmt: skip
+
+    def under(problem: Problem) -> Design:
+        if sizes is not None:
+            return _of_catalogue(problem, sizes, command)
+        search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
+        return Design.of(search, Starts((hertz(search.squared),)), command=command)
+
+    identity = [command, repr(sizes)]
+    return finished_design(
+        Design, problem, identity, lambda: design_or_proof(problem, under, sizes is not None)
+    )
+
+
+def _names(machine: Machine) -> tuple[str, ...]:
+    """Joints and actuators."""
+    return (*machine.joints, *(actuator.name for actuator in machine.actuators))
+
+
+def _of_catalogue(problem: Problem, sizes: Sizes, command: str) -> Design:
+    search, selection = sizes_for_pins(problem, sizes)
+    return Design.of(search, Starts((selection.frequency,)), selection, command=command)

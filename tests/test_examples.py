@@ -1,0 +1,39 @@
+"""Every public function shows an example in its docstring, and it runs as printed."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import armdesign as ad
+
+
+def functions() -> Iterator[tuple[str, Any]]:
+    """Public functions, and the public ones of public modules, by name."""
+    for name in ad.__all__:
+        public = getattr(ad, name)
+        if inspect.isfunction(public):
+            yield name, public
+        elif inspect.ismodule(public):
+            for inner, function in vars(public).items():
+                own = inspect.isfunction(function) and function.__module__.startswith("armdesign.")
+                if own and not inner.startswith("_"):
+                    yield f"{name}.{inner}", function
+
+
+PUBLIC = dict(functions())
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_its_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={})
+    assert found, f"{name} shows no example"
+    assert found[0].examples, f"{name} shows no example"
+    result = doctest.DocTestRunner().run(found[0])
+    assert result.failed == 0
