@@ -237,4 +237,5 @@ def refuse_too_few(problem: Problem, fit: Sequence[str]) -> None:
     data = len(problem.rows)
     if len(fit) > data:
         remedy = "fit fewer, measure more poses, or give priors"
-        raise ArmDesignError("fit", f"{len(fit)} unknowns, but {data} measured values", remedy)
+        values = f"{data} measured value" + "s" * (data != 1)
+        raise ArmDesignError("fit", f"{len(fit)} unknowns, but {values}", remedy)

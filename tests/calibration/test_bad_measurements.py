@@ -93,7 +93,7 @@ OPTIONS = {
     ("--fit", "cylinder.lift"): "is a table; name one of its numbers, such as",
     ("--fit", f"{BETA},{BETA}"): f"fit {BETA}: is there twice; leave one out",
     ("--fit", f"{BETA},{LIFT}"): (
-        "fit: 2 unknowns, but 1 measured values; fit fewer, measure more poses, or give priors"
+        "fit: 2 unknowns, but 1 measured value; fit fewer, measure more poses, or give priors"
     ),
     ("--fit", BETA, "--prior", "fluid"): '--prior: "fluid" is not understood; give PATH=VALUE:',
     ("--fit", BETA, "--prior", f"{AIR}=1:1"): f"prior {AIR}: is not fitted",
