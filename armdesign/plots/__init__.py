@@ -25,7 +25,13 @@ from armdesign.plots.maps import (
 from armdesign.plots.mode_shapes import mode_shapes
 from armdesign.plots.moves import move_figure, sensitivity_curves, shaper_figure
 from armdesign.plots.recordings import identified_figure
-from armdesign.plots.responses import frequency_responses, measured_response, modal_fit
+from armdesign.plots.responses import (
+    frequency_responses,
+    linear_modes,
+    linear_response,
+    measured_response,
+    modal_fit,
+)
 from armdesign.plots.sensitivities import distribution, linear_against_exact, tornado
 from armdesign.plots.simulations import simulation_figure
 
@@ -49,6 +55,8 @@ __all__ = [
     "lift_chart",
     "lift_charts",
     "linear_against_exact",
+    "linear_modes",
+    "linear_response",
     "machine_drawing",
     "machine_overlay",
     "map_figure",

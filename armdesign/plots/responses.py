@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
 
 if TYPE_CHECKING:
     from armdesign.simulation.identification.frequency_response import FrequencyResponse
     from armdesign.simulation.identification.modal_fit import ModalFit
+    from armdesign.simulation.linear_model import LinearModel, LinearModels
     from armdesign.simulation.validation import Validation
+
+MARKERS = "os^vD"  # of modes
 
 
 @literal
@@ -70,3 +74,47 @@ def modal_fit(fit: ModalFit) -> Any:
     ax.legend(frameon=False)
     ax.grid(alpha=0.3)
     return fig
+
+
+@literal
+def linear_response(model: LinearModel) -> Any:
+    """Figure of each piston's speed over its own command, its phase, and natural frequencies.
+
+    Raises:
+        SimulationError: the model lacks the commands or the speeds of pistons.
+    """
+    known = model.natural_frequencies
+    least, most = (known.min(), known.max()) if len(known) else (1.0, 1.0)
+    lines = np.geomspace(0.2 * least, 3 * most, 600)
+    own = model.select("commands", "piston speeds")
+    fig, (size, phase) = figure(rows=2, height=2.6)
+    colours, response = actuator_colours(model.machine), own.frequency_response(lines)
+    for i, name in enumerate(own.inputs):
+        style = {"color": colours[name], "label": name}
+        size.loglog(lines, np.abs(response[:, i, i]), **style)
+        phase.semilogx(lines, np.degrees(np.unwrap(np.angle(response[:, i, i]))), **style)
+    for ax in (size, phase):
+        ax.grid(alpha=0.3)
+        for k, frequency in enumerate(known.tolist()):
+            label = None if k else "natural frequency"
+            ax.axvline(frequency, ls=":", lw=1.0, color=INK, label=label)
+    size.set_ylabel("speed / command [m/s]" + " or [rad/s]" * bool(model.machine.motors))
+    size.legend(frameon=False, fontsize=8)
+    phase.set(ylabel="phase [°]", xlabel="frequency [Hz]")
+    return fig
+
+
+@literal
+def linear_modes(models: LinearModels, ax: Any = None) -> Any:
+    """Damping ratio over frequency of the oscillatory modes of all poses; returns the axes."""
+    ax = figure()[1][0] if ax is None else ax
+    each = [models[pose] for pose in range(len(models))]
+    pairs = [np.stack([one.natural_frequencies, one.damping_ratios], axis=1) for one in each]
+    for k in range(max(map(len, pairs), default=0)):
+        frequency, damping = np.array([pair[k] for pair in pairs if len(pair) > k]).T
+        style = {"marker": MARKERS[k % len(MARKERS)], "color": (INK, MARK, COMPUTED)[k % 3]}
+        ax.plot(frequency, damping, ls="", ms=4, label=f"mode {k + 1}", **style)
+    ax.set(xlabel="natural frequency [Hz]", ylabel="damping ratio", xscale="log")
+    ax.grid(alpha=0.3)
+    ax.legend(frameon=False)
+    return ax

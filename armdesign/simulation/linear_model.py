@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.errors import SimulationError, choose
@@ -120,6 +121,12 @@ class LinearModels(StateSpace):
     def __len__(self) -> int:
         return len(self.A)
 
+    def plot(self, ax: Any = None) -> Any:
+        """Damping ratio over frequency of the modes of all poses; returns the axes."""
+        from armdesign import plots
+
+        return plots.linear_modes(self, ax)
+
     def __getitem__(self, rows: Any) -> Any:
         """One ``LinearModel`` for an index, ``LinearModels`` for a slice, mask or indices."""
         values = {name: getattr(self, name) for name in self.__dataclass_fields__}
@@ -173,6 +180,18 @@ class LinearModel(StateSpace):
     def damping_ratios(self) -> Array:
         """ζ = −Re λ/|λ| of ``modes``."""
         return damping_of(self.modes)
+
+    def frequency_response(self, frequencies: ArrayLike) -> Array:
+        """G = C (jω − A)⁻¹ B + D at frequencies (f,) [Hz]: complex (f, ny, nu)."""
+        s = 2j * math.pi * np.atleast_1d(np.asarray(frequencies, dtype=float))[:, None, None]
+        states = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B + 0j)
+        return np.asarray(self.C @ states + self.D)
+
+    def plot(self) -> Any:
+        """Speed of each piston over its own command, and the phase; returns the figure."""
+        from armdesign import plots
+
+        return plots.linear_response(self)
 
     def to_control(self) -> Any:
         """The model as a ``StateSpace`` of python-control, with names of states, inputs, outputs.

@@ -114,6 +114,30 @@ def test_python_control_sees_the_same_plant(excavator: Machine) -> None:
         np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-9 * np.abs(ours).max())
 
 
+def test_frequency_responses_are_those_of_python_control_and_drawn(excavator: Machine) -> None:
+    pytest.importorskip("control")
+    linear = linearize(excavator, WORST)
+    own, lines = linear.select("commands", "piston speeds"), np.geomspace(0.3, 30, 7)
+    expected = np.array([own.to_control()(2j * math.pi * f) for f in lines])
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(own.frequency_response(lines), expected, atol=1e-9 * scale)
+    size, phase = linear.plot().axes
+    f, drawn = size.lines[0].get_data()
+    at = own.frequency_response(f)[:, 0, 0]
+    np.testing.assert_allclose(drawn * np.exp(1j * np.radians(phase.lines[0].get_ydata())), at)
+    with pytest.raises(SimulationError, match="no input"):
+        linear.select("tool force").plot()
+
+
+def test_modes_of_several_poses_are_drawn(excavator: Machine) -> None:
+    models = ad.linear_models(excavator, [WORST, excavator.ranges.mean(axis=1)])
+    points = [line.get_xydata() for line in models.plot().lines]
+    for pose in range(2):
+        one = models[pose]
+        pairs = np.stack([one.natural_frequencies, one.damping_ratios], axis=1)
+        np.testing.assert_array_equal([line[pose] for line in points], pairs)
+
+
 def test_without_python_control_the_remedy_is_named(
     excavator: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
