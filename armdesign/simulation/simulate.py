@@ -16,6 +16,7 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import refuse_unheld
+from armdesign.short_repr import short_repr
 from armdesign.simulation.controlled_plant import ByName, Command, ControlledPlant
 from armdesign.simulation.events import events, payload_events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
@@ -34,6 +35,8 @@ F = TypeVar("F", Cylinder, Motor)
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SimulationCase:
     """One run of ``simulate_all``; its fields are the arguments of ``simulate``."""
+
+    __repr__ = short_repr
 
     machine: Machine
     q: ArrayLike
