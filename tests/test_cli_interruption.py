@@ -21,6 +21,7 @@ from tests.commands import QUICK, assert_one_line, main, map_of
 # ------------------------------------------------------------------------------------ interruption
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "error", [OSError(28, "No space left on device"), ArmDesignError("part", "problem", "remedy")]
 )
@@ -194,6 +195,7 @@ def test_what_a_killed_run_left_behind_is_gone_with_the_next(
     assert not list(out.iterdir())
 
 
+@pytest.mark.slow
 def test_a_trade_off_keeps_finished_values(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

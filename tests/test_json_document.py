@@ -59,7 +59,9 @@ def test_a_map_comes_down_to_numbers(document_of: Any) -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        ("optimize", "paper_1dof", "--points", "5", "--vary", "areas"),
+        pytest.param(
+            ("optimize", "paper_1dof", "--points", "5", "--vary", "areas"), marks=pytest.mark.slow
+        ),
         ("control", "paper_1dof", "--points", "3", "--damping", "0.02"),
     ],
     ids=lambda words: words[0],

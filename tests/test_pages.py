@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,6 +20,7 @@ from tests.pages import DOCS, PAGES, PROSE, ROOT, RUNS, is_slow, page
 sys.path.insert(0, str(DOCS))
 import generated_pages
 
+LONG = ("docs/own_machine.md", "docs/report.md", "docs/howto/bands.md")
 WITH_BLOCKS = [path for path in PAGES if page(path).examples()]
 
 
@@ -32,7 +34,12 @@ def run(path: Path, slow: bool) -> None:
             example.evaluate()
 
 
-@pytest.mark.parametrize("path", WITH_BLOCKS, ids=named)
+def long(path: Path) -> Any:
+    """A page whose blocks search or map whole machines is a slow test."""
+    return pytest.param(path, marks=pytest.mark.slow) if named(path) in LONG else path
+
+
+@pytest.mark.parametrize("path", [long(path) for path in WITH_BLOCKS], ids=named)
 def test_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run(path, slow=False)

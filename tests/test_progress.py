@@ -46,6 +46,7 @@ def test_loops_outside_of_commands_are_as_they_were() -> None:
     assert list(counted(iter("abc"), "start")) == ["a", "b", "c"]
 
 
+@pytest.mark.slow
 def test_simulations_say_how_many_runs_are_over(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     monkeypatch.setattr(progress, "_at_work", [Work("simulating", said.append)])

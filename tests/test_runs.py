@@ -38,6 +38,7 @@ def test_searches_say_how(command: str) -> None:
     assert {"workers", "catalogue", "free", "nominal"} | more <= options_of(command)
 
 
+@pytest.mark.slow
 def test_other_numbers_are_those_of_replace(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -84,6 +84,7 @@ def test_what_looks_alike_is_not_claimed() -> None:
     assert "what cannot be told apart" in words
 
 
+@pytest.mark.slow
 def test_what_no_measurement_depends_on_is_not_claimed() -> None:
     machine = crane()
     table = measurements(machine.replace(TRUTH), poses())

@@ -16,6 +16,7 @@ from tests.commands import main
 TRUTH, LASTS, STEP = 1050.0, 5.0, 0.01  # MPa, s, s
 
 
+@pytest.mark.slow
 def test_columns_of_a_recording_calibrate_a_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,6 +32,7 @@ def test_it_writes_bandwidths_gains_and_picture(
         assert words_of_table in printed
 
 
+@pytest.mark.slow
 def test_two_machines_stand_side_by_side(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -174,6 +174,7 @@ def test_no_gain_over_what_is_unstable() -> None:
         ad.optimize(machine, workspace, bands=bands)
 
 
+@pytest.mark.slow
 def test_a_gain_that_vanishes_is_said_first() -> None:
     """A longer arm of the cylinder is worth less the softer the structure is."""
     stated = machine_with(MACHINES["double"](), "structure = [0.0, 10.0]")

@@ -64,6 +64,7 @@ def test_no_pose_lies_below_its_cell_of_the_reach_picture(name: str) -> None:
         assert np.isfinite(reach.frequency[cell]).mean() > 0.9999
 
 
+@pytest.mark.slow
 def test_no_pose_on_a_joint_end_and_a_pitch_limit_lies_below_its_cell() -> None:
     """Brute force along these curves, which cut but a corner off some cells: two were up to 48 %
     too high.
@@ -87,6 +88,7 @@ def test_no_pose_on_a_joint_end_and_a_pitch_limit_lies_below_its_cell() -> None:
     assert np.min(lowest_frequency(poses) / reach.frequency[cell]) > 1 / 1.02
 
 
+@pytest.mark.slow
 def test_values_of_the_reach_picture_are_frequencies_of_poses() -> None:
     """The other side: dense random poses of single cells come within 2 % of their value from
     above.
@@ -119,6 +121,7 @@ def test_values_of_the_reach_picture_are_frequencies_of_poses() -> None:
         assert reach.frequency[i, k] == pytest.approx(min(lowest), rel=0.02), spot
 
 
+@pytest.mark.slow
 def test_places_out_of_reach_are_blank() -> None:
     """The corners of a picture around an arm's reach lie outside its annulus; joint pairs that
     cannot be, too.

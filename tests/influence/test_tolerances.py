@@ -91,6 +91,7 @@ def test_a_machine_searched_anew_is_what_the_batch_says() -> None:
         assert answer.frequencies[row] == pytest.approx(worst, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_small_tolerances_are_linear() -> None:
     """A tenth of the width, a hundredth of the error; and the share is that of the linear one."""
     errors = []
@@ -115,6 +116,7 @@ def test_variance_adds_up(answer: ad.Tolerances) -> None:
     assert answer.linear.std() == pytest.approx(np.sqrt(spread @ spread), rel=0.02)
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_machines(answer: ad.Tolerances) -> None:
     again, other = (
         ad.tolerances(

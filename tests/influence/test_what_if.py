@@ -43,6 +43,7 @@ def test_exact_is_the_map_of_the_changed_file(answer: ad.WhatIf) -> None:
     assert lift["after"].to_list() == pytest.approx(chart.capacity)
 
 
+@pytest.mark.slow
 def test_areas_and_speeds_follow_the_bore(answer: ad.WhatIf) -> None:
     """By hand: thrust with the square of the bore, buckling safety and speed against it."""
     square = (125 / 120) ** 2 - 1
@@ -88,6 +89,7 @@ def test_bandwidth_stands_beside_the_others() -> None:
     assert damped["linear_change"] == pytest.approx(damped["change"], rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_word_has_no_linear_estimate() -> None:
     answer = ad.what_if(ad.load("excavator_20t"), {"cylinder.boom.count": 1}, 4)
     assert answer.frame["linear"].isna().all()

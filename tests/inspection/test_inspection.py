@@ -187,6 +187,7 @@ def test_sheets_of_every_kind_of_machine(name: str, units: object) -> None:
         assert "nan" not in str(sheet.rows)
 
 
+@pytest.mark.slow
 def test_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

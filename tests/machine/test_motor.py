@@ -82,6 +82,7 @@ def test_a_load_beside_the_plane_couples_slewing() -> None:
     assert np.all(modes.frequencies[:, 0] < modes.locked_frequencies.min(axis=1))
 
 
+@pytest.mark.slow
 def test_maps_do_not_depend_on_slewing(slewing: ad.Machine, excavator: ad.Machine) -> None:
     """The worst pose of the planar machine stays the worst, and reach is measured along the arm
     wherever it points.

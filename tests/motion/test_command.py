@@ -39,6 +39,7 @@ def test_a_move_is_written_and_said(
     assert "zvd" in printed, "the usual ones beside it"
 
 
+@pytest.mark.slow
 def test_stops_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = [*MOVE, "--to", "-5", "--out", str(tmp_path), "--spread", "0", "--shaper", "zv"]
     assert main(words, monkeypatch) == 0

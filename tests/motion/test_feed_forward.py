@@ -65,6 +65,7 @@ def test_what_a_valve_cannot_pass(lossless: ad.Machine) -> None:
     assert abs(fast.spools[0, 0]) == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_overlap_is_crossed_and_leaks_are_made_up_for() -> None:
     """Overlap 10 %: x = 0.1 + 0.9 share. A leaking valve stands open at rest."""
     machine = ad.load("excavator_20t").with_payload("full")

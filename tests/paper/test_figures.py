@@ -7,11 +7,13 @@ ISARC 2019, section 4.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from armdesign.paper.reproduction import Reproduction
 
 
+@pytest.mark.slow
 def test_pictures_have_the_papers_form(corners: Reproduction) -> None:
     """Figures 3, 4: identified red, computed blue; a curve per length against mass, and the other
     way round.

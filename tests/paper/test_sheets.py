@@ -7,6 +7,7 @@ ISARC 2019, section 4.
 from __future__ import annotations
 
 import pandas as pd
+import pytest
 
 from armdesign.paper.errata import errata as errata_of
 from armdesign.paper.reproduction import Reproduction
@@ -14,6 +15,7 @@ from armdesign.paper.sheets import paper_sheets
 from armdesign.simulation.identification.sweep_bias import sweep_bias
 
 
+@pytest.mark.slow
 def test_sheets_say_what_was_found(corners: Reproduction, scanned: pd.DataFrame) -> None:
     choices, frequencies, bias, errors, errata, *scans = paper_sheets(
         corners, errata_of(corners.mechanism), scanned, sweep_bias(periods=(10, 300))

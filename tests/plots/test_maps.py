@@ -42,7 +42,7 @@ def test_a_reach_map_draws_its_own_cells() -> None:
     np.testing.assert_array_equal(drawn, reach_map.frequency.T)
 
 
-@pytest.mark.parametrize("plane", ["joints", "reach"])
+@pytest.mark.parametrize("plane", ["joints", pytest.param("reach", marks=pytest.mark.slow)])
 def test_maps_side_by_side_have_one_scale(plane: str, tmp_path: Path) -> None:
     pair = {"one": mapped("excavator_20t", 3), "other": mapped("crossing", 3)}
     fig = plots.side_by_side(pair, plane)

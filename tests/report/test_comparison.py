@@ -60,6 +60,7 @@ def test_values_of_the_files_stay_in_the_files_units() -> None:
     assert frame.loc["cylinder.boom.bore_mm", "unit"] == "file"
 
 
+@pytest.mark.slow
 def test_a_version_that_cannot_take_the_poses_has_its_own_workspace() -> None:
     found = compare(EXCAVATOR, EXCAVATOR.replace({"cylinder.stick.stroke_mm": 1300}), 4)
     assert not found.same_workspace
@@ -82,6 +83,7 @@ def test_two_machines_with_other_joints_cylinders_and_load_cases() -> None:
     found.plot("reach")
 
 
+@pytest.mark.slow
 def test_a_machine_and_itself() -> None:
     found = compare(EXCAVATOR, EXCAVATOR, 3)
     assert found.differences == {}

@@ -101,6 +101,7 @@ def test_the_first_pose_is_the_worst_of_all() -> None:
     assert limiting == frequencies.worst.cylinder
 
 
+@pytest.mark.slow
 def test_three_modes_have_their_frequencies_and_motions() -> None:
     """By the modes of every pose, under each load case: the tool, which the last body carries."""
     frequencies = two_joints()
@@ -177,6 +178,7 @@ def test_rows_that_belong_together_are_not_sorted(sheet: Sheet, expected: bool) 
 # ---------------------------------------------------------------------------------- report.json
 
 
+@pytest.mark.slow
 def test_report_writes_the_same_page_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

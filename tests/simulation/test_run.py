@@ -33,6 +33,7 @@ def test_a_stop_rings_at_the_linear_frequency_or_says_what_cavitated() -> None:
     assert all(words in hard.words for words in hard.cavitated)
 
 
+@pytest.mark.slow
 def test_the_window_begins_when_the_spools_rest() -> None:
     """The valve is shut at 1.1 s; its spool, 10 Hz with ζ 0.8, lags by some 0.1 s. The linear
     answer is that of the mean pose in the window.

@@ -127,6 +127,7 @@ def test_sweeps_find_the_modes_of_a_machine_on_springs(machine: ad.Machine) -> N
     assert validation.worst_deviation < 0.01
 
 
+@pytest.mark.slow
 def test_a_stiff_spring_moves_like_none() -> None:
     rigid = quiet(ad.load("excavator_20t"))
     step = {"boom": ad.Step(size=0.3, begin=0.05, end=0.3)}

@@ -49,6 +49,7 @@ def worst() -> Validation:
     return validate(undamped.with_payload("full"), WORST)
 
 
+@pytest.mark.slow
 def test_a_point_lies_on_the_resonance(worst: Validation) -> None:
     """The record is cut to whole periods: a line within 0.3 % of the mode, on the fitted curve's
     slopes where the curve of the whole record has none.
@@ -294,6 +295,7 @@ def test_deviation_vanishes_with_amplitude() -> None:
     assert runs[0].remark == "agrees" or runs[0].remark == "amplitude"
 
 
+@pytest.mark.slow
 def test_the_default_amplitude_lets_the_mean_stand_where_it_agrees() -> None:
     """Bucket of the 20 t machine at its best pose, where the frequency changes most with the
     position: the sine moves the piston to one side, so that half the amplitude halves the
@@ -351,6 +353,7 @@ def test_cylinders_by_name_sweep_their_own_mode(excavator: Machine) -> None:
     assert validation.worst_deviation < 5e-3
 
 
+@pytest.mark.slow
 def test_poses_and_payloads_make_rows() -> None:
     validation = validate(ad.load("paper_1dof"), [[0.0], [0.2]], payloads=["load"])
     assert list(validation.frame["boom"]) == [0.0, 0.0, 0.2, 0.2]

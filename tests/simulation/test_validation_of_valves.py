@@ -122,6 +122,7 @@ def test_a_spool_that_never_leaves_its_overlap(excavator: Machine) -> None:
         validate(excavator.replace(slow), WORST, cylinders=["boom"])
 
 
+@pytest.mark.slow
 def test_overlap_is_leapt() -> None:
     machine = ad.load("paper_1dof").replace({"cylinder.lift.valve.overlap_percent": 5.0})
     assert validate(machine, [0.0]).worst_deviation < 5e-3

@@ -119,6 +119,7 @@ def test_modes_move_the_machine_and_end_where_it_stands() -> None:
         np.testing.assert_allclose(frame.position, still)
 
 
+@pytest.mark.slow
 def test_the_new_machine_stands_over_todays() -> None:
     """Only what differs of it is shown: changed cylinders, and moved pins as arrows."""
     machine = named("loader_crane")

@@ -93,6 +93,7 @@ def _moved_coordinates(design: ad.Design) -> Array:
     return np.asarray(new[new != old])
 
 
+@pytest.mark.slow
 def test_the_catalogue_of_the_file_is_the_default() -> None:
     """With sizes that vary; where none does, its grid of lengths alone."""
     machine = double().replace({"requirements.catalogue": "iso"})

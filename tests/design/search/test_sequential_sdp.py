@@ -381,6 +381,7 @@ def test_without_payload_or_box() -> None:
     assert min(design.slacks.values()) >= 0
 
 
+@pytest.mark.slow
 def test_pins_alone() -> None:
     machine, space = MACHINES["excavator"](), workspace_of("excavator")
     design = ad.optimize(machine, space, vary=("pins",), starts=1)

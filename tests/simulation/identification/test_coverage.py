@@ -124,6 +124,7 @@ def test_without_noise_a_neighbour_costs_little(zeta: float, tolerance: float) -
     assert fit.damping_ratios == pytest.approx([zeta], abs=tolerance)
 
 
+@pytest.mark.slow
 def test_responses_with_a_mode_outside_the_lines() -> None:
     """Lines from 0.5 to 1.6 Hz of two modes, one at 2 Hz, in closed form; noise of 5 % of the
     response.

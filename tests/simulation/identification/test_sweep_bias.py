@@ -15,6 +15,7 @@ from tests.simulation.oscillator import answer_of
 BAND = (0.5, 1.6)
 
 
+@pytest.mark.slow
 def test_the_peak_of_a_short_sweep_is_biased_and_the_fit_is_not() -> None:
     """The issue knows "about −3 % for some ten periods, −0.2 % for 300".
 

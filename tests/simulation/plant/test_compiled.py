@@ -263,6 +263,7 @@ def test_two_processes_compile_at_once(tmp_path: Path) -> None:
     assert len(files(tmp_path)) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not ROOT, reason="only root may become somebody else")
 def test_installed_by_another_user(tmp_path: Path) -> None:
     """Neither the package's folder nor HOME can be written: it runs, and later runs find what it

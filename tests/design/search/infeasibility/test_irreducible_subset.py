@@ -128,6 +128,7 @@ def test_two_by_hand() -> None:
     assert rows[0].endswith("(11 %)")
 
 
+@pytest.mark.slow
 def test_two_without_either() -> None:
     """Irreducible, and the amounts suffice: without one, or with what it gives, there is a design;
     a bit less, none.
@@ -362,6 +363,7 @@ def held(machine: Machine) -> float:
     return next(c.value for c in checks if c.name == "holding.lift")
 
 
+@pytest.mark.slow
 def test_no_holding_share_above_one_is_asked_for() -> None:
     """By hand: a load of 0.8 of what the cylinder holds, and a thrust of 0.6 of today's.
 
