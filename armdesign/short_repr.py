@@ -13,10 +13,17 @@ LINES, COLUMNS = 10, 99
 def short_repr(result: Any) -> str:
     """Fields of a dataclass, without what has its default, as its class's ``__repr__``.
 
-    Arrays of more than six numbers are told by shape, least and greatest; SI units, as inside.
+    Arrays of more than six numbers are told by shape, least and greatest; SI units, as inside. A
+    class whose fields do not say what matters has a ``headline``, which stands before them.
     """
-    text = f"{type(result).__name__}: {_fields(result, 0)}".rstrip(": ")
-    lines = textwrap.wrap(text, COLUMNS, max_lines=LINES, placeholder=" …", subsequent_indent="  ")
+    name, headline = type(result).__name__, getattr(result, "headline", "")
+    text = f"{name}: {_fields(result, 0)}".rstrip(": ")
+    first = textwrap.shorten(f"{name} {headline}", COLUMNS, placeholder=" …")
+    most = LINES - bool(headline)
+    lines = textwrap.wrap(text, COLUMNS, max_lines=most, placeholder=" …", subsequent_indent="  ")
+    if headline:
+        lines[0] = "  " + lines[0].removeprefix(f"{name}: ")
+        lines.insert(0, first)
     return "\n".join(lines)
 
 
@@ -84,4 +91,7 @@ def _array(value: Any) -> str:
     shape = " x ".join(map(str, value.shape))
     if not value.size or value.dtype.kind not in "biuf":
         return f"[{shape}]"
-    return f"[{shape}] from {value.min():.4g} to {value.max():.4g}"
+    known = value[value == value]
+    if not known.size:
+        return f"[{shape}] of nan"
+    return f"[{shape}] from {known.min():.4g} to {known.max():.4g}"

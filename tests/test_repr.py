@@ -36,6 +36,7 @@ RESULTS = [
     if inspect.isclass(kind := getattr(ad, name))
     and dataclasses.is_dataclass(kind)
     and kind not in OTHERS
+    and not hasattr(kind, "headline")
 ]
 
 
@@ -60,3 +61,22 @@ def test_what_matters_is_in_it() -> None:
     assert frequencies.worst.payload in shown
     assert "paper_1dof" in shown
     assert repr(ad.Requirements(lift_share=0.8)) == "Requirements: lift_share 0.8"
+
+
+def test_headlines_say_what_fields_do_not() -> None:
+    machine = ad.load("paper_1dof")
+    workspace = ad.Workspace.grid(machine, points=3)
+    design = ad.size_cylinders(machine, workspace, ad.Requirements(oil_total_share=1.05))
+    linear = ad.linearize(machine, [0.0])
+    for result, words in (
+        (design, f"Design of paper_1dof: {design.unrounded:.4g} Hz before rounding"),
+        (linear, f"LinearModel of paper_1dof: {linear.natural_frequencies[0]:.4g} Hz (ζ "),
+        (ad.linear_models(machine, [[0.0], [0.1]]), "LinearModels of paper_1dof: 2 poses, 2 stab"),
+        (ad.sensitivity(machine, workspace), "Sensitivity of paper_1dof: worst 7.452 Hz, by 21"),
+    ):
+        lines = repr(result).splitlines()
+        assert lines[0].startswith(words)
+        assert len(lines) <= 10
+        assert max(map(len, lines)) < 100
+        assert "nan" not in repr(result)
+    assert f"binding: {design.binding[0].name}" in repr(design).splitlines()[0]

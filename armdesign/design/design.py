@@ -126,6 +126,13 @@ class Design:
         )
 
     @property
+    def headline(self) -> str:
+        """Machine, what the search reached, what binds."""
+        binding = ", ".join(check.name for check in self.binding) or "nothing"
+        reached = f"{self.unrounded:.4g} Hz before rounding"
+        return f"of {self.today.name}: {reached}, aim {self.made_for}; binding: {binding}"
+
+    @property
     def catalogue(self) -> bool:
         """Whether bores and rods come from a catalogue."""
         return bool(self.problem.sizes)

@@ -59,6 +59,12 @@ class Sensitivity(ReadOnly):
     changes: Array
     left_out: int
 
+    @property
+    def headline(self) -> str:
+        """Machine, its worst frequency, and how many numbers it was asked of."""
+        worst = f"worst {self.rivals[0].frequency:.4g} Hz"
+        return f"of {self.machine.name}: {worst}, by {len(self.numbers)} numbers"
+
     @cached_property
     def frame(self) -> pd.DataFrame:
         """A row for each number that matters, the greatest change first.

@@ -121,6 +121,11 @@ class LinearModels(StateSpace):
     def __len__(self) -> int:
         return len(self.A)
 
+    @property
+    def headline(self) -> str:
+        """Machine, number of poses, and how many of them trapped oil holds."""
+        return f"of {self.machine.name}: {len(self)} poses, {int(self.stable.sum())} stable"
+
     def plot(self, ax: Any = None) -> Any:
         """Damping ratio over frequency of the modes of all poses; returns the axes."""
         from armdesign import plots
@@ -180,6 +185,14 @@ class LinearModel(StateSpace):
     def damping_ratios(self) -> Array:
         """ζ = −Re λ/|λ| of ``modes``."""
         return damping_of(self.modes)
+
+    @property
+    def headline(self) -> str:
+        """Machine, natural frequencies and damping ratios."""
+        pairs = zip(self.natural_frequencies, self.damping_ratios, strict=True)
+        modes = ", ".join(f"{f:.4g} Hz (ζ {damping:.2g})" for f, damping in pairs)
+        held = "" if self.stable else "; trapped oil does not hold it"
+        return f"of {self.machine.name}: {modes or 'no mode rings'}{held}"
 
     def frequency_response(self, frequencies: ArrayLike) -> Array:
         """G = C (jω − A)⁻¹ B + D at frequencies (f,) [Hz]: complex (f, ny, nu)."""
