@@ -16,13 +16,14 @@ author = "the authors of armdesign"
 project_copyright = "MIT licence"
 
 extensions = [
-    "myst_parser",  # pages are Markdown, which GitHub shows as well
+    "myst_nb",  # pages are Markdown or notebooks, which GitHub shows as well
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "generated_pages",  # the reference of the machine file and the table of the validation
 ]
 lexers["csv"] = TextLexer()  # as it stands
-source_suffix = {".md": "markdown"}
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
+nb_execution_mode = "off"  # notebooks are kept executed; a test runs them again
 myst_enable_extensions = ["attrs_inline", "colon_fence"]
 myst_heading_anchors = 3  # links to headings, as GitHub makes them
 html_theme = "furo"
