@@ -82,10 +82,8 @@ KEPT: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
 }
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [pytest.param(kind, marks=pytest.mark.slow if kind != "torques" else ()) for kind in KEPT],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KEPT)
 def test_limits_of_single_cylinders(kind: str) -> None:
     """By the requirements' own formulas: designs that meet all pass, and of those that miss one
     by more than the bound gives away none does.
