@@ -34,14 +34,16 @@ from armdesign.simulation.identification.pressure_ratio import PressureRatio, pr
 from armdesign.simulation.identification.recording import Recording, read_recording, recording_of
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.identification.swings import Swings, swings
-from armdesign.simulation.identification.windows import PER_PERIOD as FEWEST_SAMPLES
 from armdesign.simulation.identification.windows import (
+    HIGHEST,
+    fast_line,
     found_windows,
     refuse_slow_sampling,
     stated_windows,
     strongest,
     strongest_beyond,
 )
+from armdesign.simulation.identification.windows import PER_PERIOD as FEWEST_SAMPLES
 from armdesign.simulation.identified import Identified, IdentifiedWindow
 from armdesign.simulation.recorded_poses import with_pose
 from armdesign.units import bar
@@ -148,7 +150,9 @@ def _windows_of(
         return found_windows(whole.source, whole.time, values)
     except SimulationError:
         values = whole.signal(name)  # says what spoils it
-        _refuse_coarse(whole, name, step, detrended(values[:, None], TRENDS[0])[:, 0])
+        level = detrended(values[:, None], TRENDS[0])[:, 0]
+        _refuse_coarse(whole, name, step, level)
+        _refuse_fast(whole, name, step, level)
         raise
 
 
@@ -211,6 +215,16 @@ def _refuse_coarse(part: Recording, name: str, step: float, level: Array) -> Non
         fault = f"{1 / (fast * step):.2g} samples in a period of {name} (about {fast:.2g} Hz)"
         remedy = f"record {FEWEST_SAMPLES} in a period, at {math.ceil(FEWEST_SAMPLES * fast)} Hz"
         raise SimulationError(part.source, f"has only {fault}", remedy)
+
+
+def _refuse_fast(part: Recording, name: str, step: float, level: Array) -> None:
+    """Raise where it rings above the frequencies among which windows are found."""
+    fast = fast_line(step, level)
+    if fast is not None:
+        fault = f"windows are found up to {HIGHEST:g} Hz; {name} rings at about {fast:.3g} Hz"
+        rate = math.ceil(FEWEST_SAMPLES * fast)
+        remedy = "give windows" if rate * step <= 1 else f"record at {rate} Hz, give windows"
+        raise SimulationError(part.source, fault, remedy)
 
 
 def _remarks(fit: Ringdown, pieces: Swings | None) -> dict[str, str]:

@@ -15,6 +15,7 @@ from scipy.special import ellipk
 import armdesign as ad
 from armdesign.errors import SimulationError
 from armdesign.report.recordings import identified_sheets
+from armdesign.simulation.identification.windows import fast_line
 from armdesign.simulation.simulate import simulate
 from tests import machines
 from tests.commands import assert_one_line, main
@@ -76,7 +77,7 @@ def test_a_recording_that_rings_from_begin_to_end() -> None:
     assert begin < 1.0
     assert end > 5.0
     assert found.frame["frequency_hz"].to_numpy() == pytest.approx(2.0, rel=1e-3)
-    with pytest.raises(SimulationError, match="holds no samples; give a row per instant"):
+    with pytest.raises(SimulationError, match="holds 1 sample; give a row per instant"):
         ad.identify({"time_s": time[:1], "boom_cap_bar": clean[:1]})
     with pytest.raises(SimulationError, match="boom_cap_bar is constant"):
         ad.identify({"time_s": time, "boom_cap_bar": 0 * clean + 3})
@@ -164,6 +165,11 @@ LARGE = {
         (of(20, 50, 10), r"no free decay of 3 periods between 0.3 and 6.2 Hz, where 50 samples"),
         (of(20, 50, 1), r"only 2.5 samples in a period .*about 20 Hz.*; record 8 .*, at 160 Hz"),
         (of(2, 50, 0.8), r"in 6 periods or more; 0.78 s hold 1.2 of .*give windows of two per"),
+        (of(25, 200, 4), r"found up to 20 Hz; boom_cap_bar rings at about 24.8 Hz; give windows$"),
+        (of(24, 50, 2), r"rings at about 24.1 Hz; record at 193 Hz, give windows$"),
+        (of(2, 50, 10) | {"boom_cap_bar": np.full(500, np.nan)}, r"boom_cap_bar: fewer than two"),
+        (of(2, 50, 10) | {"boom_cap_bar": np.r_[np.inf, np.arange(499)]}, "infinite at 0 s"),
+        ({"time_s": [0.0], "boom_cap_bar": [80.0]}, "holds 1 sample; give a row per instant"),
         (of(2, 50, 10) | {"time_s": np.arange(500) * 20}, r"a sample every 20 s .*; .*time_ms"),
         (of(2, 50, 10) | {"time_s": np.arange(499) / 50}, r"bar holds 500 values, time_s 499;"),
         (LARGE, r"boom_cap_bar holds 1.*e\+202; give values in the unit of its name"),
@@ -172,6 +178,14 @@ LARGE = {
 def test_what_cannot_ring_is_told_with_its_cause(columns: dict[str, Any], message: str) -> None:
     with pytest.raises(SimulationError, match=message):
         ad.identify(columns)
+
+
+@pytest.mark.parametrize("rate", [60, 200, 1000])
+def test_noise_is_not_called_a_fast_ring(rate: int) -> None:
+    """Its highest line lies anywhere."""
+    for colour in (0.0, 0.9, -0.6):
+        noise = coloured(np.random.default_rng(rate), 4 * rate, colour)
+        assert fast_line(1 / rate, noise) is None
 
 
 def test_the_motion_of_a_machine_is_told_beside_its_swings() -> None:

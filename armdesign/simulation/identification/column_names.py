@@ -38,7 +38,8 @@ def strongest_column(recording: Recording, excitation: str = "") -> str:
     The excitation does not count.
     """
     if len(recording.time) < 2:
-        raise SimulationError(recording.source, "holds no samples", "give a row per instant")
+        fault = f"holds {len(recording.time) or 'no'} sample{'s' * (len(recording.time) != 1)}"
+        raise SimulationError(recording.source, fault, "give a row per instant")
     step = float(np.median(np.diff(recording.time)))
     for units in KINDS:
         sizes = {
@@ -48,6 +49,10 @@ def strongest_column(recording: Recording, excitation: str = "") -> str:
         }
         if sizes:
             return max(sizes, key=lambda name: sizes[name])
+    named = [n for n in recording.columns if n != excitation and any(unit_of(n, u) for u in KINDS)]
+    if named:
+        fault = f"{', '.join(named)}: fewer than two values"
+        raise SimulationError(recording.source, fault, "give a value per instant")
     fault = f"no column is a pressure, speed or acceleration ({', '.join(recording.columns)})"
     remedy = "name the column, or end the names in a unit as _bar, _deg_per_s, _m_per_s2"
     raise SimulationError(recording.source, fault, remedy)

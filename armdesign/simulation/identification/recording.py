@@ -65,12 +65,15 @@ class Recording(ReadOnly):
         """
         values, time = self.column(name), self.time
         if len(time) < 2:
-            raise SimulationError(self.source, "holds no samples", "choose another window")
+            fault = f"holds {len(time) or 'no'} sample{'s' * (len(time) != 1)}"
+            raise SimulationError(self.source, fault, "choose another window")
         self._check_time()
         if not np.all(np.isfinite(values)):
-            at = float(time[~np.isfinite(values)][0])
+            k = int(np.argmin(np.isfinite(values)))
+            what = "blank" if np.isnan(values[k]) else "infinite"
             remedy = "choose a window without it, or fill it in"
-            raise SimulationError(self.source, f"{name} is blank at {at:g} s", remedy)
+            fault = f"{name} is {what} at {time[k]:g} s"
+            raise SimulationError(self.source, fault, remedy)
         return values
 
     def signal(self, name: str) -> Array:
