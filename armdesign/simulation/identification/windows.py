@@ -25,7 +25,7 @@ LEAST = 3.0  # fewest in one
 RISE = 1.3  # of the envelope within a decay, which ends it
 QUIET = 4.0  # envelope above its lowest tenth where a window ends, if that tenth is noise
 DECIMALS = 2  # of an end [s]
-RISES = 8.0  # of a line over the median of all: noise reached 7.1 in 360 recordings
+RISES = 8.0  # of a line over the median of all: noise alone reached it in 1 of 360 recordings
 SUNK = 0.08  # of its peak, where it ends at the latest
 
 
