@@ -32,6 +32,6 @@ def identified_sheets(identified: Identified) -> list[Sheet | str]:
         columns=(*heads, *poses),
         rows=tuple(rows),
         words=("remark",),
-        note="± one standard deviation, by noise and by what it may hide; two hold 95 %",
+        note="± one standard deviation, by noise and by what it may hide; three hold 96 % or more",
     )
     return [sheet, *(f"{line}." for line in identified.findings)]
