@@ -383,7 +383,7 @@ class Arm:
     def bodies_apart(self) -> list[Arm]:
         """The arm with the mass of what one coordinate moves before the next, for each (k).
 
-        M, g and ∂g/∂q are linear in masses and inertias: the arm's are sums over its links.
+        M, g and ∂g/∂q are linear in masses and inertias: the arm's are their sums.
         """
         model, _, index = self._pinocchio
         import pinocchio

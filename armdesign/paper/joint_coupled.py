@@ -138,8 +138,8 @@ def transfer_function_as_printed(
         ...     area=3e-3, chamber_volume=3e-4, bulk_modulus=1.2e9,
         ...     leakage=0.0, valve_gain=1e-7, supply_pressure=2.1e7, density=870,
         ... )
-        >>> print(type(plant))
-        <class 'armdesign.paper.joint_coupled.TransferFunction'>
+        >>> print(f"{plant.mu:.3g}")  # twice what it is
+        1.34e-08
     """
     coefficients = _coefficients(_printed_gravity, **locals())
     return coefficients._replace(mu=2 * coefficients.mu)
@@ -185,8 +185,8 @@ def transfer_function(
         ...     area=3e-3, chamber_volume=3e-4, bulk_modulus=1.2e9,
         ...     leakage=0.0, valve_gain=1e-7, supply_pressure=2.1e7, density=870,
         ... )
-        >>> print(type(plant))
-        <class 'armdesign.paper.joint_coupled.TransferFunction'>
+        >>> print(f"{plant.mu:.3g}; natural frequency {(plant.Q / plant.K) ** 0.5:.2f} rad/s")
+        6.7e-09; natural frequency 85.23 rad/s
     """
     return _coefficients(_gravity_stiffness, **locals())
 

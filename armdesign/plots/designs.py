@@ -114,11 +114,11 @@ def design_steps(steps: Steps, ax: Any = None) -> Any:
         ", ".join(pin.removeprefix("cylinder.").replace("_", "-") for pin in step.pins)
         for step in steps.steps
     ]
-    labels = [f"{len(step.pins)} pin{'s' * (len(step.pins) > 1)}" for step in steps.steps]
-    ax.set_yticks(places, [label if label[0] != "0" else "no pin" for label in labels])
+    labels = [f"{len(step.pins) or 'no'} pin{'s' * (len(step.pins) > 1)}" for step in steps.steps]
+    ax.set_yticks(places, labels)
     ax.invert_yaxis()  # fewest above
     for place, gain, words in zip(places, gains, names, strict=True):
-        shown = f"{gain:+.1f} %" + (f"   {words}" if words else "   cylinders alone")
+        shown = f"{gain:+.1f} %   {words or 'cylinders alone'}"
         ax.annotate(shown, (max(gain, 0), place), (4, 0), textcoords="offset points", va="center")
     ax.set(xlabel="least gain of the worst frequency within the bands [%]")
     ax.set_xlim(min(0.0, *gains), 2.2 * max(*gains, 1.0))

@@ -23,6 +23,13 @@ from armdesign.hydraulics.valve import Valve, opening, spool_position
 from armdesign.simulation.plant.plant import Plant
 
 
+def _refuse_no_number(kind: str, command: Step | SweptSine, *, finite: bool = False) -> None:
+    for name, given in vars(command).items():
+        if not isinstance(given, Real) or (finite and not math.isfinite(given)):
+            fault = f"{given!r} is not a {'finite ' * finite}number"
+            raise SimulationError(f"{kind}: {name}", fault, "give one")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Step:
     """A step or pulse: ``size`` from ``begin`` up to ``end`` [s], 0 before and afterwards."""
@@ -32,9 +39,7 @@ class Step:
     end: float = math.inf
 
     def __post_init__(self) -> None:
-        for name, given in vars(self).items():
-            if not isinstance(given, Real):
-                raise SimulationError(f"step: {name}", f"{given!r} is not a number", "give one")
+        _refuse_no_number("step", self)
         if not (math.isfinite(self.size) and math.isfinite(self.begin) and self.begin < self.end):
             fault = f"of {self.size:g} from {self.begin:g} to {self.end:g} s is none"
             remedy = "give a finite size and begin, and an end after it"
@@ -107,10 +112,7 @@ class SweptSine:
     fade: float = 0.1
 
     def __post_init__(self) -> None:
-        for name, given in vars(self).items():
-            if not isinstance(given, Real) or not math.isfinite(given):
-                fault = f"{given!r} is not a finite number"
-                raise SimulationError(f"swept sine: {name}", fault, "give one")
+        _refuse_no_number("swept sine", self, finite=True)
         if min(self.start, self.stop) < 0 or self.duration <= 0 or not 0 < self.fade <= 0.5:
             fault = (
                 f"of {self.start:g} to {self.stop:g} Hz in {self.duration:g} s, fade {self.fade:g}"

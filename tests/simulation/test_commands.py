@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -281,3 +282,19 @@ def test_faults_of_breakpoints(excavator: Machine, given: object, message: str) 
     with pytest.raises(SimulationError, match=message) as caught:
         simulate(excavator, WORST, {"boom": late}, duration=0.1)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"amplitude": "0.1"}, r"swept sine: amplitude: '0\.1' is not a finite number; give one"),
+        ({"stop": math.inf}, r"swept sine: stop: inf is not a finite number; give one"),
+        ({"start": -1.0}, r"swept sine: of -1 to 5 Hz in 10 s, fade 0\.1 is none; give freq"),
+        ({"duration": 0.0}, r"swept sine: of 1 to 5 Hz in 0 s, fade 0\.1 is none"),
+        ({"fade": 0.6}, r"swept sine: of 1 to 5 Hz in 10 s, fade 0\.6 is none"),
+    ],
+)
+def test_what_is_no_swept_sine(wrong: dict[str, Any], message: str) -> None:
+    right = {"amplitude": 0.1, "start": 1.0, "stop": 5.0, "duration": 10.0}
+    with pytest.raises(SimulationError, match=message):
+        SweptSine(**(right | wrong))

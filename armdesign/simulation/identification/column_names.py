@@ -37,9 +37,7 @@ def strongest_column(recording: Recording, excitation: str = "") -> str:
 
     The excitation does not count.
     """
-    if len(recording.time) < 2:
-        fault = f"holds {len(recording.time) or 'no'} sample{'s' * (len(recording.time) != 1)}"
-        raise SimulationError(recording.source, fault, "give a row per instant")
+    recording.refuse_single("give a row per instant")
     step = float(np.median(np.diff(recording.time)))
     for units in KINDS:
         sizes = {

@@ -64,9 +64,7 @@ class Recording(ReadOnly):
             SimulationError: it is blank somewhere, or time has gaps, double stamps or steps back.
         """
         values, time = self.column(name), self.time
-        if len(time) < 2:
-            fault = f"holds {len(time) or 'no'} sample{'s' * (len(time) != 1)}"
-            raise SimulationError(self.source, fault, "choose another window")
+        self.refuse_single("choose another window")
         self._check_time()
         if not np.all(np.isfinite(values)):
             k = int(np.argmin(np.isfinite(values)))
@@ -99,6 +97,12 @@ class Recording(ReadOnly):
                 remedy = "choose a window of smaller swings, or a sensor of more range"
                 raise SimulationError(self.source, fault, remedy)
         return values
+
+    def refuse_single(self, remedy: str) -> None:
+        """Raise a ``SimulationError`` where there are less than two samples."""
+        if (count := len(self.time)) < 2:
+            fault = f"holds {count or 'no'} sample{'s' * (count != 1)}"
+            raise SimulationError(self.source, fault, remedy)
 
     def _check_time(self) -> None:
         steps = np.diff(self.time)

@@ -130,10 +130,8 @@ def fast_line(step: float, signal: Array) -> float | None:
 
     Spectrum of the slope over f: white noise is level in it. None if there is no such line.
     """
-    slope = np.diff(signal) * np.hanning(len(signal) - 1)
-    lines = np.fft.rfftfreq(4 * len(slope), step)
-    heights = np.abs(np.fft.rfft(slope, 4 * len(slope))) / np.maximum(lines, LOWEST)
-    heights = heights * (lines >= LOWEST)
+    lines, heights = _slope_spectrum(step, signal)
+    heights = heights / np.maximum(lines, LOWEST) * (lines >= LOWEST)
     highest = int(np.argmax(heights))
     if lines[highest] <= HIGHEST or heights[highest] < RISES * np.median(heights):
         return None
@@ -141,14 +139,19 @@ def fast_line(step: float, signal: Array) -> float | None:
 
 
 def _highest_line(step: float, signal: Array, low: float, high: float) -> tuple[float, float]:
-    slope = np.diff(signal) * np.hanning(len(signal) - 1)
-    count = 4 * len(slope)  # zeros beside it: lines closer to each other
-    lines = np.fft.rfftfreq(count, step)
+    lines, heights = _slope_spectrum(step, signal)
     inside = (lines >= low) & (lines <= min(HIGHEST, high))
     if not inside.any():
         return low, 0.0
-    heights = np.abs(np.fft.rfft(slope, count)) * inside / np.sqrt(np.maximum(lines, low))
+    heights = heights * inside / np.sqrt(np.maximum(lines, low))
     return float(lines[np.argmax(heights)]), float(heights.max())
+
+
+def _slope_spectrum(step: float, signal: Array) -> tuple[Array, Array]:
+    """Lines (k,) [Hz] of a signal's slope under a Hann window, and their heights."""
+    slope = np.diff(signal) * np.hanning(len(signal) - 1)
+    count = 4 * len(slope)  # zeros beside it: lines closer to each other
+    return np.fft.rfftfreq(count, step), np.abs(np.fft.rfft(slope, count))
 
 
 def _peaks(envelope: Array, apart: int) -> list[int]:
