@@ -162,6 +162,7 @@ def test_an_end_of_file_is_no_interruption(
         cli.main()
 
 
+@pytest.mark.slow
 def test_a_folder_in_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -173,6 +174,7 @@ def test_a_folder_in_the_way(
     assert [path.name for path in tmp_path.iterdir()] == ["stiffness.csv"]
 
 
+@pytest.mark.slow
 def test_what_a_killed_run_left_behind_is_gone_with_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -235,6 +237,7 @@ def test_a_trade_off_keeps_finished_values(
     assert {path.name for path in out.iterdir()} == {"pareto.csv", "pareto.png"}
 
 
+@pytest.mark.slow
 def test_a_design_outlives_its_validation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -96,6 +96,7 @@ def random_ring(random: np.random.Generator, periods: float) -> tuple[float, flo
     return frequency, zeta, {"time_s": time, "boom_cap_bar": 70 + slope + clean + noise}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_window_of_less_than_two_periods_is_not_answered_wrongly(seed: int) -> None:
     """Its trend swallows the ring: before, one of five answered with a frequency of the noise.
@@ -223,7 +224,7 @@ def test_a_coarse_sensor_is_not_clipped() -> None:
     assert found.frame["damping_ratio"].to_numpy() == pytest.approx([0.02], rel=0.05)
 
 
-def test_faults_of_recordings(tmp_path: Path) -> None:
+def test_faults_of_recordings() -> None:
     time, pressure = ring()
     columns = {"time_s": time, "boom_cap_bar": pressure}
 
@@ -258,20 +259,31 @@ def test_faults_of_recordings(tmp_path: Path) -> None:
     ):
         with pytest.raises(SimulationError, match=message):
             ad.identify(given, windows)  # type: ignore[arg-type]
+
+
+def test_a_signal_that_cannot_be() -> None:
+    time, pressure = ring()
+    columns = {"time_s": time, "boom_cap_bar": pressure}
     with pytest.raises(SimulationError, match="boom_cap_bar is both the signal and its exc"):
         ad.identify(columns, signal="boom_cap_bar", excitation="boom_cap_bar")
     with pytest.raises(SimulationError, match='has no column "boom_cap"; did you mean'):
         ad.identify(columns, [(0, 4)], signal="boom_cap")
-    file = tmp_path / "r.csv"
-    for text, message in (
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
         ("time_s,a_bar\n0,1\n1,x\n", '"x" in line 3 is no number'),
         ("time_s,a_bar\n0,1,2\n", "3 fields in line 2"),
         ("time_s,a_bar\n", "holds no samples"),
         ("time_s,a_bar,a_bar\n0,1,2\n", "there twice"),
-    ):
-        file.write_text(text, encoding="utf-8")
-        with pytest.raises(SimulationError, match=message):
-            ad.identify(file)
+    ],
+)
+def test_faults_of_a_file(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "r.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(SimulationError, match=message):
+        ad.identify(file)
     with pytest.raises(SimulationError, match="cannot be read"):
         ad.identify(tmp_path / "none.csv")
 
