@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.database import DirectoryBasedExampleDatabase
 
 import armdesign as ad
 from armdesign.machine.loading import shipped
@@ -24,6 +25,14 @@ settings.register_profile(
     deadline=None,
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile(  # new examples every time; what fails is kept and tried first
+    "ten_minutes",
+    settings.get_profile("house"),
+    derandomize=False,
+    database=DirectoryBasedExampleDatabase(".hypothesis/examples"),
+    print_blob=True,
+    max_examples=2000,
 )
 settings.load_profile("house")
 # a background job of a shell has it ignored

@@ -6,98 +6,19 @@ import math
 from pathlib import Path
 
 import numpy as np
-import pinocchio
 import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign.frequency.modes import energy_shares
 from armdesign.inspection.file_faults import faults
-from armdesign.units import GRAVITY
 from tests.checks import assert_same, difference
 from tests.commands import Refused
+from tests.energy import Energy
 from tests.machines import CylinderSpec, Joint, build, named
 from tests.sprung import random_sprung, rocking, spring, two_masses, written
 
 SEEDS = range(8)
-
-
-class Energy:
-    """Kinetic and potential energy over all coordinates, with nothing of the package's formulas.
-
-    Links and places are Pinocchio's of the whole URDF, cylinders' masses 40 lumps along each bar,
-    trapped oil a spring of its stiffness under its static force, springs as their file says. The
-    preload is what keeps gravity from moving the spring, by difference.
-    """
-
-    def __init__(self, machine: ad.Machine, q: np.ndarray) -> None:
-        self.machine, self.poses = machine, machine.at(q)
-        self.model = pinocchio.buildModelFromXML(machine.urdf_text)
-        self.data = self.model.createData()
-        names = [*machine.joints, *(spring.joint for spring in machine.springs)]
-        self.order = [self.model.joints[self.model.getJointId(n)].idx_q for n in names]
-        self.rest = np.concatenate([q, [spring.at for spring in machine.springs]])
-        self.lengths = self.of_cylinders(self.rest)
-        slope = difference(lambda x: np.array([self.weight(row) for row in x]), self.rest[None])
-        self.preload = slope[0, len(q) :]
-
-    def ordered(self, x: np.ndarray) -> np.ndarray:
-        values = np.empty(len(x))
-        values[self.order] = x
-        return values
-
-    def place(self, link: str, at: tuple[float, ...], x: np.ndarray) -> np.ndarray:
-        pinocchio.framesForwardKinematics(self.model, self.data, self.ordered(x))
-        frame = self.model.getFrameId(link, pinocchio.FrameType.BODY)
-        return np.asarray(self.data.oMf[frame].act(np.array(at)))
-
-    def lumps(self, x: np.ndarray) -> list[tuple[float, np.ndarray]]:
-        """Payload and bars as masses and places."""
-        payload = self.machine.payload
-        found = [(payload.mass, self.place(payload.link, payload.at, x))]
-        for cylinder, linkage in zip(self.machine.cylinders, self.machine.linkages, strict=True):
-            base, end = (self.place(pin.link, pin.at, x) for pin in linkage.pins)
-            along = (end - base) / np.linalg.norm(end - base) * cylinder.closed_length
-            nodes, weights = np.polynomial.legendre.leggauss(8)
-            for node, weight in zip((nodes + 1) / 2, weights / 2, strict=True):
-                found.append((weight * cylinder.barrel_mass, base + node * along))
-                found.append((weight * cylinder.rod_mass, end - node * along))
-        return found
-
-    def of_cylinders(self, x: np.ndarray) -> np.ndarray:
-        return np.array(
-            [
-                np.linalg.norm(np.subtract(*(self.place(p.link, p.at, x) for p in k.pins)))
-                for k in self.machine.linkages
-            ]
-        )
-
-    def weight(self, x: np.ndarray) -> float:
-        links = pinocchio.computePotentialEnergy(self.model, self.data, self.ordered(x))
-        return float(links + sum(m * GRAVITY * at[2] for m, at in self.lumps(x)))
-
-    def potential(self, x: np.ndarray) -> float:
-        stretch, springs = self.of_cylinders(x) - self.lengths, self.machine.springs
-        oil = 0.5 * self.poses.oil_stiffness[0] * stretch**2
-        oil = oil - self.poses.cylinder_forces[0] * stretch
-        moved = (x - self.rest)[len(self.machine.joints) :]
-        stiffness = np.array([spring.stiffness for spring in springs])
-        return self.weight(x) + float(
-            oil.sum() + (0.5 * stiffness * moved**2 - self.preload * moved).sum()
-        )
-
-    def kinetic(self, velocity: np.ndarray) -> float:
-        links = pinocchio.computeKineticEnergy(
-            self.model, self.data, self.ordered(self.rest), self.ordered(velocity)
-        )
-        step = 1e-5
-
-        def moved(sign: float) -> np.ndarray:
-            return np.array([at for _, at in self.lumps(self.rest + sign * step * velocity)])
-
-        speed = (8 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / (12 * step)
-        masses = np.array([m for m, _ in self.lumps(self.rest)])
-        return float(links + 0.5 * (masses * (speed**2).sum(axis=1)).sum())
 
 
 def middle(machine: ad.Machine) -> np.ndarray:
