@@ -261,6 +261,15 @@ def test_faults_of_recordings() -> None:
             ad.identify(given, windows)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
+def test_nothing_rings_on_a_trend(rate: float, degree: int) -> None:
+    """Rounding of its numbers, 1e-14 of them, was answered as a ring of 2 to 150 Hz."""
+    time = np.arange(0, 6, 1 / rate)
+    with pytest.raises(SimulationError, match="a smooth trend, on which nothing rings"):
+        ad.identify({"time_s": time, "boom_cap_bar": 100 + 3 * time**degree}, [(0.5, 1.5)])
+
+
 def test_a_signal_that_cannot_be() -> None:
     time, pressure = ring()
     columns = {"time_s": time, "boom_cap_bar": pressure}
