@@ -412,7 +412,3 @@ def main() -> None:
                 raise error.__cause__ from None
         tell(f"armdesign: {output.interruption()}", sys.stderr)
         sys.exit(128 + signals[-1] if signals else INTERRUPTED)
-
-
-if __name__ == "__main__":
-    main()

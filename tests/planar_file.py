@@ -137,6 +137,13 @@ def read_cylinder(name, table):
     )
 
 
+def _limits(joint):
+    if joint.get("type") == "continuous":
+        return -np.pi, np.pi
+    limit = joint.find("limit")
+    return float(limit.get("lower")), float(limit.get("upper"))
+
+
 def read_urdf(text, joints, frozen):
     """Links by name, bodies, and the limits of `joints`, from a URDF whose moving joints turn
     about −y.
@@ -154,13 +161,7 @@ def read_urdf(text, joints, frozen):
         if name in joints:
             if not planar:
                 raise NotImplementedError(f"joint {name} does not turn about -y")
-            limit = joint.find("limit")
-            low, high = (
-                (-np.pi, np.pi)
-                if kind == "continuous"
-                else (limit.get("lower"), limit.get("upper"))
-            )
-            limits[joints.index(name)] = float(low), float(high)
+            limits[joints.index(name)] = _limits(joint)
         elif kind != "fixed":
             value = frozen[name]
             if planar:

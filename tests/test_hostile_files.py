@@ -269,6 +269,7 @@ def test_numbers_and_ordinary_names_stay(tmp_path: Path) -> None:
     assert text == "boom,payload,'tis\n-1.5,-,a=b\n2,-1.5e3,\n"
 
 
+@pytest.mark.slow
 def test_a_urdf_of_text_is_bounded_too(refused: Refused) -> None:
     with pytest.raises(ad.ArmDesignError, match="5001 links, more than 5000"):
         Machine.from_text(ONE.text, with_links(4_999), Path("x.toml"))

@@ -44,6 +44,7 @@ def test_schema_is_shipped() -> None:
     jsonschema.Draft202012Validator.check_schema(json.loads(schema()))
 
 
+@pytest.mark.slow
 def test_a_map_comes_down_to_numbers(document_of: Any) -> None:
     answer = document_of("map", "paper_1dof", "--points", "5")
     frequencies = ad.frequency_map(machine := ad.load("paper_1dof"), ad.Workspace.grid(machine, 5))

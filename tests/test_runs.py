@@ -126,6 +126,7 @@ def test_the_shell_asks_for_words(tmp_path: Path) -> None:
     assert done.stdout.split() == ["paper_1dof"]
 
 
+@pytest.mark.slow
 def test_piped_tables_are_not_wrapped_or_filled_up(tmp_path: Path) -> None:
     done = run("check", "excavator_20t", "--points", "3", folder=tmp_path)
     lines = done.stdout.splitlines()

@@ -24,6 +24,7 @@ def study(name: str) -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 def test_paper_validation_finds_its_headline() -> None:
     """All 40 in closed form, four of them simulated; the exact formula's worst is among the
     four.
@@ -42,6 +43,7 @@ def test_paper_validation_finds_its_headline() -> None:
     assert 100 * off.max() <= float(found[3])
 
 
+@pytest.mark.slow
 def test_baseline_map_finds_its_headline() -> None:
     module = study("01_baseline_map")
     found = re.search(r"At ([\d.]+) Hz .* limits ≥ (\d+) %", module.__doc__ or "", re.S)

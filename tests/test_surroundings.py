@@ -23,6 +23,7 @@ def test_as_a_module(tmp_path: Path) -> None:
     assert "--help" in run_of.stdout
 
 
+@pytest.mark.slow
 def test_a_terminal_without_our_signs(tmp_path: Path) -> None:
     told = run("check", "paper_1dof", folder=tmp_path, PYTHONIOENCODING="ascii")
     assert told.returncode == 0, told.stderr
@@ -31,6 +32,7 @@ def test_a_terminal_without_our_signs(tmp_path: Path) -> None:
     assert "\\x" not in told.stdout
 
 
+@pytest.mark.slow
 @FULL
 @pytest.mark.parametrize("words", [["--help"], ["check", "paper_1dof"]])
 def test_a_full_device(words: list[str], tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
-from armdesign.simulation.damped_modes import NEGLIGIBLE
+from armdesign.simulation.damped_modes import fastest_poles
 from armdesign.simulation.linearization import linear_models
 from armdesign.simulation.plant.hydraulics import actuators_of
 from armdesign.units import bar
@@ -150,7 +150,7 @@ def loop_plant(
     ratio = checked_damping(damping)
     if not 0 <= delay < math.inf:
         raise ArmDesignError("delay", f"{delay:g} s is not allowed", "give seconds, 0 or more")
-    matrices = _linear_models(controllable(machine, ratio is not None), poses.q)
+    matrices = linear_models(controllable(machine, ratio is not None), poses.q).state_matrix_in_bar
     modes, k, nc = natural_modes(poses), poses.mass_matrix.shape[1], len(machine.actuators)
     rows, areas = slice(k, 2 * k), areas_of(machine.actuators)
     A = np.array(matrices[:, : -2 * nc, : -2 * nc])
@@ -158,7 +158,7 @@ def loop_plant(
         A[:, rows, rows] -= modal_damping(poses, modes, ratio)
         frequencies, ratios = modes.frequencies, np.full(modes.frequencies.shape, ratio)
     else:
-        poles = _oscillating(A, k)
+        poles = fastest_poles(A, k)
         frequencies, ratios = np.abs(poles) / (2 * math.pi), -poles.real / np.abs(poles)
         refuse_undamped(machine, ratios, poses.q)
     load = _load_pressures(areas, A.shape[1], 2 * k)
@@ -198,26 +198,6 @@ def workable(machine: Machine, poses: Poses) -> Flags:
         pressures = np.max(actuator.static_pressures(force, machine.supply), axis=0)
         works &= pressures < min(machine.supply.pressure, actuator.relief(machine.supply))
     return np.asarray(works)
-
-
-def _linear_models(machine: Machine, q: Array) -> Array:
-    """State matrices (n, ns, ns) with pressures in bar; spools and their speeds come last."""
-    models = linear_models(machine, q)
-    unit = np.array([bar if "pressure" in name else 1.0 for name in models.states])
-    return np.asarray(models.A * unit / unit[:, None])
-
-
-def _oscillating(A: Array, count: int) -> Array:
-    """The ``count`` fastest oscillating poles of each pose (n, count), slow ones first [rad/s].
-
-    In place of a pair that is overdamped stands a real pole.
-    """
-    poles: Array = np.linalg.eigvals(A)
-    size = np.abs(poles)
-    swings = (poles.imag > 0) & (size > NEGLIGIBLE * size.max(axis=1, keepdims=True))
-    order = np.argsort(np.where(swings, size, -1.0 / (1 + size)), axis=1)[:, -count:]
-    poles = np.take_along_axis(poles, order, axis=1)
-    return np.take_along_axis(poles, np.argsort(np.abs(poles), axis=1), axis=1)
 
 
 def _load_pressures(areas: Array, size: int, first: int) -> Array:

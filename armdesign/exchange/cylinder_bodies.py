@@ -12,7 +12,7 @@ leaves the plane, another before it, about z.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -200,45 +200,37 @@ def _rod(
 
 def _four_bar(
     name: str, cylinder: Cylinder, linkage: FourBar, rigid: RigidPoses
-) -> Iterator[Body]:
+) -> tuple[Body, Body]:
+    """Rocker and coupler; the coupler ends on the lug."""
     link, knee = linkage.pivot.link, linkage.ends(rigid)[1]
     pivot, lug = (linkage.point(rigid, pin) for pin in (linkage.pivot, linkage.lug))
     rocker = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, knee - pivot))
     coupler = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, lug - knee))
     bend, masses = coupler.raise_ - rocker.raise_, cylinder.moving_masses
-    yield Body(
-        name=f"{name}_rocker",
-        parent=link,
-        kind="continuous",
-        axis=(0.0, -1.0, 0.0),
-        place=linkage.pivot.at,
-        turn=(0.0, -float(rocker.raise_[-1]), 0.0),
-        span=(0.0, linkage.rocker),
-        diameter=0.6 * cylinder.bore,
-        offsets=(0.0,),
-        colour=BAR,
-        mass=masses.get("rocker", 0.0),
-        bar=(0.0, linkage.rocker),
-        positions=_turns(rocker.raise_),
+    bars = (
+        ("rocker", link, linkage.pivot.at, linkage.rocker, rocker.raise_),
+        ("coupler", f"{name}_rocker", (linkage.rocker, 0.0, 0.0), linkage.coupler, bend),
     )
-    yield Body(
-        name=f"{name}_coupler",
-        parent=f"{name}_rocker",
-        kind="continuous",
-        axis=(0.0, -1.0, 0.0),
-        place=(linkage.rocker, 0.0, 0.0),
-        turn=(0.0, -float(bend[-1]), 0.0),
-        span=(0.0, linkage.coupler),
-        diameter=0.6 * cylinder.bore,
-        offsets=(0.0,),
-        colour=BAR,
-        mass=masses.get("coupler", 0.0),
-        bar=(0.0, linkage.coupler),
-        closes=linkage.lug.link,
-        end=(linkage.coupler, 0.0, 0.0),
-        pin=linkage.lug.at,
-        positions=_turns(bend),
+    first, second = (
+        Body(
+            name=f"{name}_{part}",
+            parent=parent,
+            kind="continuous",
+            axis=(0.0, -1.0, 0.0),
+            place=place,
+            turn=(0.0, -float(angles[-1]), 0.0),
+            span=(0.0, length),
+            diameter=0.6 * cylinder.bore,
+            offsets=(0.0,),
+            colour=BAR,
+            mass=masses.get(part, 0.0),
+            bar=(0.0, length),
+            positions=_turns(angles),
+        )
+        for part, parent, place, length, angles in bars
     )
+    end = (linkage.coupler, 0.0, 0.0)
+    return first, replace(second, closes=linkage.lug.link, end=end, pin=linkage.lug.at)
 
 
 def _in_plane(linkage: FourBar, rigid: RigidPoses, vector: Array) -> Array:

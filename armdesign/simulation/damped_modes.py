@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array, ReadOnly
+from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.units import bar
 
@@ -83,10 +83,26 @@ def damping_of(poles: Array) -> Array:
 
 def oscillatory(poles: Array, most: int) -> Array:
     """Indices of oscillatory poles above the real axis, slow ones first, at most the fastest."""
+    order = np.argsort(np.abs(poles), kind="stable")
+    return np.asarray(order[_rings(poles)[order]][-most:])
+
+
+def fastest_poles(A: Array, count: int) -> Array:
+    """Fastest oscillatory poles of each state matrix (n, count) [rad/s], slow ones first.
+
+    In place of a pair that is overdamped stands a real pole.
+    """
+    poles: Array = np.linalg.eigvals(A)
+    size = np.abs(poles)
+    order = np.argsort(np.where(_rings(poles), size, -1.0 / (1 + size)), axis=1)[:, -count:]
+    poles = np.take_along_axis(poles, order, axis=1)
+    return np.take_along_axis(poles, np.argsort(np.abs(poles), axis=1), axis=1)
+
+
+def _rings(poles: Array) -> Flags:
+    """Whether each pole (…, ns) lies above the real axis, and is more than rounding."""
     sizes = np.abs(poles)
-    order = np.argsort(sizes, kind="stable")
-    rings = (poles.imag > 0) & (sizes > NEGLIGIBLE * sizes.max())
-    return np.asarray(order[rings[order]][-most:])
+    return np.asarray((poles.imag > 0) & (sizes > NEGLIGIBLE * sizes.max(axis=-1, keepdims=True)))
 
 
 def damped_modes_of(model: LinearModel) -> DampedModes:
@@ -95,8 +111,7 @@ def damped_modes_of(model: LinearModel) -> DampedModes:
 
     machine, groups = model.machine, model.state_groups
     k, size = len(model.mass_matrix), groups["spools"].start
-    unit = np.where([name.endswith("pressure") for name in model.states[:size]], bar, 1.0)
-    poles, left, right = eig(model.A[:size, :size] * unit / unit[:, None], left=True, right=True)
+    poles, left, right = eig(model.state_matrix_in_bar[:size, :size], left=True, right=True)
     chosen = oscillatory(poles, k)
     poles, left, right = poles[chosen], left[:, chosen], right[:, chosen]
     shapes = right[groups["positions"]]

@@ -1,4 +1,4 @@
-"""What was identified in a recording: windows, and tables, sentences and a picture of them."""
+"""Frequencies and damping identified in a recording: windows; tables, sentences and a picture."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PRESSURE_COLUMNS = [
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedWindow(ReadOnly):
-    """What one window of a recording holds; arrays are read-only.
+    """Frequencies and damping of one window of a recording; arrays are read-only.
 
     Attributes:
         begin: its first instant [s].
@@ -74,7 +74,7 @@ class IdentifiedWindow(ReadOnly):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Identified:
-    """What a recording holds.
+    """Frequencies and damping of a recording, window by window.
 
     Attributes:
         recording: the whole of it.
@@ -166,7 +166,7 @@ class Identified:
 
     @property
     def findings(self) -> list[str]:
-        """What a reader should know: doubts, effects of the swing, pressures, what is missing."""
+        """Sentences: doubts, effects of the swing, verdicts on pressures, what is missing."""
         return [
             *self._doubts(),
             *self._changes(),
@@ -177,14 +177,14 @@ class Identified:
         ]
 
     def _doubts(self) -> Iterator[str]:
-        """What makes the answers of windows doubtful."""
+        """Remarks that make the answers of windows doubtful."""
         for window in self.windows:
             if window.remarks:
                 words = "; ".join(window.remarks.values())
                 yield f"{window.begin:g}–{window.end:g} s: {words}"
 
     def _changes(self) -> Iterator[str]:
-        """How frequencies depend on the swing."""
+        """Frequencies that depend on the swing."""
         for window in self.windows:
             change = None if window.swings is None else window.swings.change
             if change:
@@ -215,7 +215,7 @@ class Identified:
         )
 
     def _verdicts(self) -> Iterator[str]:
-        """What the pressure swings say of the oil."""
+        """Verdicts of the pressure swings on the oil."""
         for (cylinder, verdict), rows in self.pressures.groupby(
             ["cylinder", "verdict"], sort=False
         ):
@@ -227,7 +227,7 @@ class Identified:
             yield f"{text})"
 
     def _poses(self) -> Iterator[str]:
-        """What the recording does not tell of the poses, once for all windows."""
+        """Joints whose pose the recording does not tell, once for all windows."""
         words: dict[str, list[str]] = {}
         for window in self.windows:
             for joint, remark in window.pose_remarks.items():

@@ -24,6 +24,11 @@ from armdesign.simulation.signals import Groups
 from armdesign.units import bar
 
 
+def pressure_units(names: Sequence[str]) -> Array:
+    """A bar [Pa] for each pressure of states or outputs, 1 for the rest."""
+    return np.array([bar if name.endswith("pressure") else 1.0 for name in names])
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StateSpace(ReadOnly):
     """Base of one linear model and of a stack, whose arrays have axis 0 = pose.
@@ -62,6 +67,15 @@ class StateSpace(ReadOnly):
     mass_matrix: Array
     tool_jacobian: Array
     machine: Machine
+
+    @cached_property
+    def state_matrix_in_bar(self) -> Array:
+        """A with pressures in bar, all else SI (…, ns, ns).
+
+        Its numbers are of one order and need no balancing by slycot.
+        """
+        unit = pressure_units(self.states)
+        return np.asarray(self.A * unit / unit[:, None])
 
     def select(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
@@ -209,8 +223,7 @@ class LinearModel(StateSpace):
     def to_control(self) -> Any:
         """The model as a ``StateSpace`` of python-control, with names of states, inputs, outputs.
 
-        Pressures are in bar there, all else SI: numbers of one order, which need no balancing by
-        slycot.
+        Pressures are in bar there, as in ``state_matrix_in_bar``.
 
         Raises:
             SimulationError: python-control is not installed.
@@ -220,12 +233,9 @@ class LinearModel(StateSpace):
         except ImportError:
             fault, remedy = "needs the package python-control", "pip install 'armdesign[control]'"
             raise SimulationError("to_control", fault, remedy) from None
-        unit, outer = (
-            np.array([bar if name.endswith("pressure") else 1.0 for name in names])
-            for names in (self.states, self.outputs)
-        )
+        unit, outer = pressure_units(self.states), pressure_units(self.outputs)
         return control.ss(
-            self.A * unit / unit[:, None],
+            self.state_matrix_in_bar,
             self.B / unit[:, None],
             self.C * unit / outer[:, None],
             self.D / outer[:, None],

@@ -27,6 +27,7 @@ def test_known_values_are_found_again() -> None:
     assert found.machine.section.fluid.bulk_modulus_MPa == pytest.approx(1050, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_masses_and_dead_volumes_are_found_too() -> None:
     """Any number of the file: a load case's mass and a dead volume."""
     truth = {"payload.full.mass_kg": 260.0, "cylinder.lift.dead_volume_l.cap": 0.6}
@@ -125,6 +126,7 @@ def test_a_weak_direction_changes_as_little_as_is_said() -> None:
     assert np.abs(table["frequency_hz"] / before - 1).max() == pytest.approx(said, rel=0.15)
 
 
+@pytest.mark.slow
 def test_priors_add_what_is_known() -> None:
     """Two sources of one number: the mean weighted by the inverse squares of their deviations."""
     machine = crane()
@@ -174,6 +176,7 @@ def test_left_out_errors_are_those_of_fits_without_the_measurement() -> None:
         assert found.left_out[n] == pytest.approx(answer / table["frequency_hz"][n] - 1, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_two_unknowns_and_ten_poses_take_less_than_ten_seconds() -> None:
     machine = crane()
     table = measurements(machine.replace(TRUTH), poses(10), noise=0.01)
@@ -182,6 +185,7 @@ def test_two_unknowns_and_ten_poses_take_less_than_ten_seconds() -> None:
     assert time.perf_counter() - begin < 10
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 from tests.commands import Refused, main
 
 
+@pytest.mark.slow
 def test_it_writes_bandwidths_gains_and_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

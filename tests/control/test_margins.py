@@ -108,6 +108,7 @@ def test_no_allowed_change_of_all_gains_and_phases_makes_loops_unstable() -> Non
         assert poles.real.max() < 1e-6
 
 
+@pytest.mark.slow
 def test_grid_misses_no_peak() -> None:
     """The margin on the grid is that of 20 000 frequencies, to 1 %."""
     plant = worst_plant()

@@ -85,6 +85,7 @@ def test_springs_are_within_the_gain() -> None:
     assert_allclose(reached, min(gains), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["double", "odd"])
 def test_slopes_within_bands_are_differences(name: str) -> None:
     """vᵀ(∂K − ω² ∂M)v of the lowest mode against central differences, at rows of every corner."""
@@ -280,13 +281,8 @@ def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands, objective: s
     machine = MACHINES[name]() if name in MACHINES else named(name)
     space = workspace_of(name) if name in MACHINES else Workspace.grid(machine, points=3)
     bores, rods = ((0.93, 1.04), (1.0, 1.1)) if len(machine.cylinders) < 3 else ((1.03,), (1.05,))
-    sizes = [
-        (share * c.bore, other * c.rod)
-        for c in machine.cylinders
-        for share in bores
-        for other in rods
-    ]
-    sizes += [(c.bore, c.rod) for c in machine.cylinders]
+    shares = [(1.0, 1.0), *itertools.product(bores, rods)]
+    sizes = [(share * c.bore, other * c.rod) for c in machine.cylinders for share, other in shares]
     requirements = replace(
         Requirements.of(machine), oil_total_share=1.1, holding_share=3.0, moment_arm_share=0.0
     )

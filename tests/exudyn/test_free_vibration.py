@@ -73,6 +73,7 @@ def on_springs(seed: int, damping_ratio: float) -> Machine:
     return common(replace(light, springs=tuple(damped)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_poles_on_springs(seed: int) -> None:
     """Modes of machines on springs, undamped and damped: Exudyn's tree, its joints' controllers as

@@ -133,9 +133,14 @@ def test_percentiles_and_shares_weigh_the_rows(name: str) -> None:
     ("name", "kind"),
     [
         ("excavator_20t", "grid"),
-        ("excavator_20t", "sobol"),
-        ("excavator_20t", "reach_plane"),
-        ("loader_crane", "grid"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ("excavator_20t", "sobol"),
+                ("excavator_20t", "reach_plane"),
+                ("loader_crane", "grid"),
+            )
+        ),
     ],
 )
 def test_percentiles_and_shares_are_those_of_random_poses(name: str, kind: str) -> None:

@@ -18,7 +18,9 @@ from tests import machines
 from tests.frequency.cached import mapped
 
 
-@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "crossing"])
+@pytest.mark.parametrize(
+    "name", ["paper_1dof", "crossing", pytest.param("excavator_20t", marks=pytest.mark.slow)]
+)
 def test_least_of_the_reach_picture_is_least_of_the_map(name: str) -> None:
     """The worst poses of these machines are on their grids."""
     found = mapped(name)

@@ -11,6 +11,7 @@ from armdesign.frequency.modes import lowest_frequency
 from tests import machines
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "crossing", "spatial"])
 def test_poses_of_the_reach_plane_bring_the_tool_to_the_cells(name: str) -> None:
     """The tool is on a cell's middle to a micrometre; where joints are left over, in several

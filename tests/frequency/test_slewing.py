@@ -59,6 +59,7 @@ def test_a_cylinder_across_a_slewing_joint_makes_its_angle_count(axis: float, mo
     assert plots.drawn_joints(machine) == [j, j + 1]
 
 
+@pytest.mark.slow
 def test_the_sign_of_a_slewing_axis_changes_no_design() -> None:
     """A mirrored coordinate is the same machine: worst pose and sizes agree."""
     designs = [

@@ -118,6 +118,7 @@ def test_every_kind_of_machine_has_an_answer() -> None:
         assert all(len(sheet.rows) for sheet in answer.sheets()[:2])
 
 
+@pytest.mark.slow
 def test_tables_and_picture(answer: ad.WhatIf) -> None:
     changes, frequencies, lift, others = answer.sheets()
     assert changes.rows == (

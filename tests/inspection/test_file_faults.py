@@ -94,27 +94,46 @@ def told(folder: Path, urdf: str, *pairs: tuple[str, str]) -> list[str]:
     return [str(fault) for fault in faults(name)]
 
 
+FAULTS_OF_THE_URDF = [
+    ('("boom" type=)"revolute"', r'\1"planar"'),
+    ('(<joint name="stick" type="revolute">)', r'\1<mimic joint="boom"/>'),
+    ('(name="stick".*?)lower="[^"]*"', r'\1lower="x"'),
+    ('(name="stick".*?)effort="[^"]*"', r'\1effort="-3"'),
+    ('(joint name="bucket".*?)axis xyz="[^"]*"', r'\1axis xyz="0 0 0"'),
+    ('(link name="boom".*?)mass value="2310"', r'\1mass value="-1"'),
+    ('(link name="boom".*?)ixx="[^"]*"', r'\1ixx="1e30"'),
+    ('(link name="bucket".*?)iyy="[^"]*"', r'\1iyy="1e6"'),
+    ('(joint name="bucket".*?)parent link="stick"', r'\1parent link="stik"'),
+    (
+        "</robot>",
+        '<link name="bucket"/><joint type="fixed"><parent link="bucket"/></joint></robot>',
+    ),
+]
+LINES = [
+    "x.toml: cylinder.boom.bore_mm: -1 is not allowed",
+    'x.toml: cylinder.boom.base.link: no link "chasis" in the URDF; did you mean "chassis"?',
+    'urdf: joint swingg: is not in the URDF (named in frozen); did you mean "swing"?',
+    'urdf: two links are named "bucket"',
+    "urdf: a joint has no name (number 6 of the file)",
+    'urdf: joint boom: type "planar" cannot be used',
+    "urdf: joint stick: mimics another joint",
+    'urdf: joint stick: lower="x" is not 1 finite number',
+    "urdf: joint stick: effort -3 is negative",
+    "urdf: joint bucket: the axis has no length",
+    "urdf: link boom: mass -1 kg is negative",
+    'urdf: link boom: ixx="1e30" is not 1 finite number(s) up to 1e+09',
+    "urdf: link bucket: no body has principal inertias",
+    'urdf: joint bucket: parent link "stik" does not exist; did you mean "stick"?',
+    "urdf: joint number 6: has no child",
+]
+
+
 def test_faults_of_everything_at_once(tmp_path: Path) -> None:
     """Schema, links, joints, and in the URDF names, types, numbers, limits, inertia, tree: a line
     for each, no more.
     """
-    pairs = [
-        ('("boom" type=)"revolute"', r'\1"planar"'),
-        ('(<joint name="stick" type="revolute">)', r'\1<mimic joint="boom"/>'),
-        ('(name="stick".*?)lower="[^"]*"', r'\1lower="x"'),
-        ('(name="stick".*?)effort="[^"]*"', r'\1effort="-3"'),
-        ('(joint name="bucket".*?)axis xyz="[^"]*"', r'\1axis xyz="0 0 0"'),
-        ('(link name="boom".*?)mass value="2310"', r'\1mass value="-1"'),
-        ('(link name="boom".*?)ixx="[^"]*"', r'\1ixx="1e30"'),
-        ('(link name="bucket".*?)iyy="[^"]*"', r'\1iyy="1e6"'),
-        ('(joint name="bucket".*?)parent link="stick"', r'\1parent link="stik"'),
-        (
-            "</robot>",
-            '<link name="bucket"/><joint type="fixed"><parent link="bucket"/></joint></robot>',
-        ),
-    ]
     urdf = EXCAVATOR.urdf_text
-    for old, new in pairs:
+    for old, new in FAULTS_OF_THE_URDF:
         urdf, count = re.subn(old, new, urdf, count=1, flags=re.DOTALL)
         assert count == 1, old
     lines = told(
@@ -124,26 +143,9 @@ def test_faults_of_everything_at_once(tmp_path: Path) -> None:
         ("swing = 0.0", "swingg = 0.0"),
         ('link = "chassis"', 'link = "chasis"'),
     )
-    expected = [
-        "x.toml: cylinder.boom.bore_mm: -1 is not allowed",
-        'x.toml: cylinder.boom.base.link: no link "chasis" in the URDF; did you mean "chassis"?',
-        'urdf: joint swingg: is not in the URDF (named in frozen); did you mean "swing"?',
-        'urdf: two links are named "bucket"',
-        "urdf: a joint has no name (number 6 of the file)",
-        'urdf: joint boom: type "planar" cannot be used',
-        "urdf: joint stick: mimics another joint",
-        'urdf: joint stick: lower="x" is not 1 finite number',
-        "urdf: joint stick: effort -3 is negative",
-        "urdf: joint bucket: the axis has no length",
-        "urdf: link boom: mass -1 kg is negative",
-        'urdf: link boom: ixx="1e30" is not 1 finite number(s) up to 1e+09',
-        "urdf: link bucket: no body has principal inertias",
-        'urdf: joint bucket: parent link "stik" does not exist; did you mean "stick"?',
-        "urdf: joint number 6: has no child",
-    ]
-    for words in expected:
+    for words in LINES:
         assert sum(words in line for line in lines) == 1, (words, lines)
-    assert len(lines) == len(expected), lines
+    assert len(lines) == len(LINES), lines
 
 
 def test_two_roots_and_a_ring(tmp_path: Path) -> None:

@@ -319,6 +319,7 @@ def test_no_new_machine_is_suspected(links: int) -> None:
     assert suspected(Machine.from_text(template.new("x", links=links), "", Path("x.toml"))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.1, 0.3, 4.0])
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_no_copy_of_another_size_is_suspected(name: str, length: float) -> None:

@@ -91,13 +91,10 @@ def test_bars_weigh_and_move_like_many_small_masses() -> None:
         rows = []
         for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
             base, end = linkage.ends(poses)
-            along = (
-                (end - base) / np.linalg.norm(end - base, axis=1)[:, None] * cylinder.closed_length
-            )
-            found = [
-                (base, base + along, cylinder.count * 110),
-                (end - along, end, cylinder.count * 85),
-            ]
+            direction = (end - base) / np.linalg.norm(end - base, axis=1)[:, None]
+            along = direction * cylinder.closed_length
+            found = [(base, base + along, cylinder.count * 110)]
+            found += [(end - along, end, cylinder.count * 85)]
             if isinstance(linkage, FourBar):
                 pivot, lug = (linkage.point(poses, pin) for pin in (linkage.pivot, linkage.lug))
                 found += [(pivot, end, 95), (end, lug, 130)]
@@ -107,13 +104,8 @@ def test_bars_weigh_and_move_like_many_small_masses() -> None:
         return np.concatenate(rows, axis=1)
 
     def torque(at: np.ndarray) -> np.ndarray:
-        weights = np.concatenate(
-            [
-                np.full(400, np.sqrt(m / 400))
-                for c in machine.cylinders
-                for m in c.moving_masses.values()
-            ]
-        )
+        masses = [m for c in machine.cylinders for m in c.moving_masses.values()]
+        weights = np.repeat(np.sqrt(np.array(masses) / 400), 400)
         return GRAVITY * np.einsum("p,npj->nj", weights, difference(pieces, at)[:, :, 2])
 
     jacobian = difference(pieces, q)  # (n, pieces, 3, nq)

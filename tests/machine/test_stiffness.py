@@ -25,30 +25,20 @@ def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray]
     start = machine.at(q0)
     force = start.cylinder_forces  # (n, nc), as all that follows; the chamber is the first axis
     area = np.array([(c.bore_area, c.annulus_area) for c in machine.actuators]).T[:, None]
-    empty = np.array(  # pressure of the chamber without load
-        [
-            max(machine.supply.return_pressure, (c.valve and c.valve.preload) or 0.0)
-            for c in machine.actuators
-        ]
-    )
+    preload = np.array([(c.valve and c.valve.preload) or 0.0 for c in machine.actuators])
+    empty = np.maximum(machine.supply.return_pressure, preload)  # the chamber without load
     pressure = np.array(static_pressures(force, area[0], area[1], empty))
     piston = [
         start.lengths[:, i] - c.closed_length + c.compliance * force[:, i]
         for i, c in enumerate(machine.actuators)
     ]
-    volume = np.stack(
-        [c.volumes(x) for c, x in zip(machine.actuators, piston, strict=True)], axis=-1
-    )
-    hoses = np.array(
-        [
-            (c.cap_hose_volume, c.annulus_hose_volume) / np.array(c.hose_modulus)
-            for c in machine.actuators
-        ]
-    )
-    capacity = (
-        volume / bulk_modulus(pressure, machine.fluid.bulk_modulus, machine.fluid.air)
-        + hoses.T[:, None]
-    )
+    chambers = [c.volumes(x) for c, x in zip(machine.actuators, piston, strict=True)]
+    hoses = [
+        (c.cap_hose_volume, c.annulus_hose_volume) / np.array(c.hose_modulus)
+        for c in machine.actuators
+    ]
+    modulus = bulk_modulus(pressure, machine.fluid.bulk_modulus, machine.fluid.air)
+    capacity = np.stack(chambers, axis=-1) / modulus + np.array(hoses).T[:, None]
     yielding = np.array([c.compliance for c in machine.actuators])
 
     def torque(q: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from armdesign.paper.configurations import FORMULAS, grid
 from tests.paper.dimensions import CORNERS
 
 
+@pytest.mark.slow
 def test_small_amplitude_finds_the_exact_frequency(corners: paper.Reproduction) -> None:
     """Issue: within 0.5 %; reached 0.009 %.
 

@@ -43,6 +43,7 @@ def test_a_drawing_names_every_pin_with_its_coordinates() -> None:
     assert "boom: 2 × Ø120/85 × 1260 mm" in drawn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "suffix"),
     [("spatial", "svg"), ("slewing", "pdf"), ("rocking", "svg"), ("rotator", "png")],

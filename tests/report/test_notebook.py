@@ -50,6 +50,7 @@ def test_results_are_shown_escaped_with_a_picture(name: str) -> None:
     assert base64.b64decode(picture).startswith(PNG)
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_the_results() -> None:
     frequencies = ad.frequency_map(machine(), workspace())
     assert f"{frequencies.worst.frequency:.3f} Hz" in frequencies._repr_html_()

@@ -93,6 +93,7 @@ def test_drawings_place_every_pin_within_2_mm() -> None:
     assert loose == numbers.shape[1]
 
 
+@pytest.mark.slow
 def test_the_first_pose_is_the_worst_of_all() -> None:
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
@@ -128,6 +129,7 @@ def test_three_modes_have_their_frequencies_and_motions() -> None:
 # ------------------------------------------------------------------------------------- the page
 
 
+@pytest.mark.slow
 def test_nothing_of_a_report_becomes_markup(tmp_path: Path) -> None:
     evil = '</script><img src=x onerror="alert(1)">&{{ 7 * 7 }}'
     sheet = Sheet(title=evil, columns=(evil,), rows=((evil,),), note=evil)

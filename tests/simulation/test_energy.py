@@ -139,6 +139,7 @@ def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["excavator_20t", "heavy_bars", "spatial", "branched", "slewing"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_compliance_stops_and_friction_never_give_energy_back(name: str, seed: int) -> None:

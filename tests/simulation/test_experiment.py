@@ -12,6 +12,7 @@ from tests.simulation.oscillator import multisine
 from tests.simulation.valves import WORST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "pose"), [("paper_1dof", [0.0]), ("excavator_20t", WORST)])
 def test_multisine_on_the_plant(name: str, pose: list[float]) -> None:
     """Another excitation than the sweep, the same mode."""

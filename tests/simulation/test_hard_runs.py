@@ -56,6 +56,7 @@ def test_into_the_end_stop(excavator: Machine) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compliance", [3e-8, 4e-8])
 def test_out_of_a_stop_with_compliance(excavator: Machine, compliance: float) -> None:
     """Into the inner stops and out: where a stop lets go the rates jump, and steps must grow again

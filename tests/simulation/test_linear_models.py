@@ -16,24 +16,16 @@ from tests.simulation import valves as helpers
 from tests.simulation.plant.valve_machines import holding
 from tests.simulation.valves import WORST
 
-SHIPPED = (
-    "excavator_20t",
-    "excavator_12t",
-    "mini_excavator_2t",
-    "loader_crane",
-    "patu_boom",
-    "paper_1dof",
+EVERYDAY = (
+    *("excavator_20t", "loader_crane", "paper_1dof"),
+    *("slewing", "rocking", "crossing", "random_0", "sprung_0"),
 )
-ODD = ("heavy_bars", "slewing", "rocking", *machines.ODD)
-RANDOM = tuple(f"random_{seed}" for seed in range(6))
-MORE = (*RANDOM[2:], "sprung_1", "sprung_2")
-ALL = (
-    *SHIPPED,
-    *ODD,
-    *RANDOM[:2],
-    "sprung_0",
-    *(pytest.param(n, marks=pytest.mark.slow) for n in MORE),
+MORE = (
+    *("excavator_12t", "mini_excavator_2t", "patu_boom", "heavy_bars"),
+    *(name for name in machines.ODD if name not in EVERYDAY),
+    *("random_1", "random_2", "random_3", "random_4", "random_5", "sprung_1", "sprung_2"),
 )
+ALL = (*EVERYDAY, *(pytest.param(name, marks=pytest.mark.slow) for name in MORE))
 
 
 def named(name: str) -> Machine:

@@ -24,6 +24,7 @@ from tests.simulation import valves as helpers
 from tests.simulation.valves import WORST
 
 
+@pytest.mark.slow
 def test_natural_frequencies_are_those_of_the_modes(machine: Machine) -> None:
     """K v = ω² M v with trapped oil (closed form) = poles of the differentiated nonlinear model,
     undamped.

@@ -142,6 +142,7 @@ def test_leakage_lets_a_load_sink_and_its_trim_holds_it(excavator: Machine) -> N
     assert np.abs(held.extensions - held.extensions[0]).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_slow_loop_brings_the_piston_back(excavator: Machine) -> None:
     kick = {"boom": pulse(-0.002, 1.0)}
     free = simulate(excavator, WORST, kick, duration=25.0, rate=20)

@@ -53,6 +53,7 @@ def oscillator(omega: float, damping: float = 0.0) -> list[list[float]]:
     return [[0, 1], [-(omega**2), -2 * damping * omega]]
 
 
+@pytest.mark.slow
 def test_oscillators_of_unlike_speed_and_duration() -> None:
     """cos ωt at every record; an undamped one neither grows nor shrinks over 300 periods."""
     omegas, durations = np.array([1.0, 20.0, 300.0]), np.array([10.0, 100.0, 0.5])

@@ -227,6 +227,7 @@ def test_verdicts(worst: Validation) -> None:
     assert [one.remark for one in with_remarks(broken) if isinstance(one, Run)] == ["energy"] * 2
 
 
+@pytest.mark.slow
 def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """A heavy load that the supply cannot hold at one of two poses; and runs that give up, each of
     them.
@@ -341,6 +342,7 @@ def test_odd_machines(name: str) -> None:
     assert validate(machine, machines.inner_poses(machine, 1)[0]).worst_deviation < 3e-3
 
 
+@pytest.mark.slow
 def test_cylinders_by_name_sweep_their_own_mode(excavator: Machine) -> None:
     """Bucket and stick each over the mode of which they hold most; the shares of a mode add up to
     1.

@@ -23,7 +23,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
-from tests.design.brute_force import zoomed_best
+from tests.design.bound.one_cylinder import OneCylinder
 from tests.design.designs import as_machine, problem_of, solved, workspace_of
 from tests.machines import ANY_LIFT_AND_TORQUE, BOOM, FOLD, LIFT, STICK, build, named, redundant
 
@@ -111,63 +111,6 @@ def test_bound_of_gains_with_structure_that_yields(name: str) -> None:
 # ------------------------------------------------------------------------------------- brute force
 
 
-def brute_force(problem: Problem) -> float:
-    """Best worst frequency [Hz] of ``paper_1dof`` over pins on a grid that zooms in, by the law of
-    cosines.
-
-    ω² = (β (A1²/V1 + A2²/V2) r² + g' − g h/r)/J grows with both areas, so these are as large as
-    oil, thrust and Euler's rod allow, each on its own (A2 ≤ A1 − L √(c A1) grows with A1). J, g
-    and g' do not depend on the cylinder.
-    """
-    machine, r, q = problem.machine, problem.requirements, problem.workspace.q[:, 0]
-    (c,), beta = machine.cylinders, machine.fluid.bulk_modulus
-    case = machine.with_payload("load").at(problem.workspace.q)
-    inertia, g, slope = (
-        case.mass_matrix[:, 0, 0],
-        case.gravity_torque[:, 0],
-        case.gravity_stiffness[:, 0, 0],
-    )
-    ends = np.linspace(*machine.ranges[0], 61)
-    # base x, z; rod pin x, z from the joint (the machine's file)
-    at_rest = np.array([-0.5, 0.0, 0.0, 0.15])
-    factor = ((c.bore_area - c.annulus_area) / c.open_length) ** 2 / c.bore_area
-
-    def geometry(pins: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, ...]:
-        d, a = np.hypot(pins[:, 0], pins[:, 1])[:, None], np.hypot(pins[:, 2], pins[:, 3])[:, None]
-        between = np.arctan2(pins[:, 1], pins[:, 0]) - np.arctan2(pins[:, 3], pins[:, 2])
-        psi = between[:, None] - angles  # q turns the boom's x axis up
-        length = np.sqrt(a**2 + d**2 - 2 * a * d * np.cos(psi))
-        arm = -a * d * np.sin(psi) / length
-        return length, arm, (a * d * np.cos(psi) - arm**2) / length
-
-    sign = np.sign(geometry(at_rest[None], ends)[1][0, 0])
-    least = r.moment_arm_share * np.abs(geometry(at_rest[None], ends)[1]).min()
-
-    def worst(pins: np.ndarray) -> np.ndarray:
-        over, arms, _ = geometry(pins, ends)
-        closed, stroke = over.min(axis=1), np.ptp(over, axis=1)
-        most = c.stroke / stroke * min(r.oil_each_share, r.oil_total_share)
-        a1 = c.bore_area * np.minimum(most, r.thrust_share)
-        a2 = np.minimum(c.annulus_area * most, a1 - (closed + stroke) * np.sqrt(factor * a1))
-        length, arm, curve = geometry(pins, q)
-        s = length - closed[:, None]
-        oil = a1[:, None] ** 2 / (a1[:, None] * s + c.cap_dead_volume)
-        oil += a2[:, None] ** 2 / (a2[:, None] * (stroke[:, None] - s) + c.annulus_dead_volume)
-        force = g / arm
-        push = machine.supply.pressure * a1 - machine.supply.return_pressure * a2
-        pull = machine.supply.pressure * a2 - machine.supply.return_pressure * a1
-        held = (force.max(axis=1) <= r.holding_share * push) & (
-            -force.min(axis=1) <= r.holding_share * pull
-        )
-        allowed = held & ((sign * arms).min(axis=1) >= least) & (closed - stroke >= c.dead_length)
-        return np.where(
-            allowed, ((beta * oil * arm**2 + slope - force * curve) / inertia).min(axis=1), -np.inf
-        )
-
-    low, high = at_rest - problem.vector.pin_box, at_rest + problem.vector.pin_box
-    return hertz(zoomed_best(worst, low, high, points=13, levels=12, shrink=0.6)[0])
-
-
 @pytest.mark.slow
 def test_one_cylinder_against_brute_force() -> None:
     """The paper's mechanism: 13⁴ pins a level say where the global optimum is; the bound lies
@@ -182,7 +125,7 @@ def test_one_cylinder_against_brute_force() -> None:
         vary=("areas", "pins"),
     )
     search = solved(problem)
-    best, bound = brute_force(problem), bound_of(search)
+    best, bound = OneCylinder(problem).best(), bound_of(search)
     assert hertz(search.squared) == pytest.approx(best, rel=1e-3)
     assert best * (1 - 1e-9) <= bound < best * 1.006
 

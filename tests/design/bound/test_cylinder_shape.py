@@ -19,6 +19,7 @@ from tests.design.bound.shapes import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CYLINDERS)
 @settings(max_examples=80)
 @given(seed=designs, width=box_shares, place=box_shares)

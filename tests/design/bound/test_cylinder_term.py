@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from armdesign import Machine
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.cylinder_spring import Spring, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, interval
+from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.joint_ranges import sweep
 from tests.design.bound.shapes import (
     CYLINDERS,
@@ -23,6 +25,21 @@ from tests.design.bound.shapes import (
     designs,
     some_design,
 )
+
+
+def stiffnesses(
+    machine: Machine, cylinder: Cylinder, length: np.ndarray, force: np.ndarray, area: np.ndarray
+) -> np.ndarray:
+    """Of a cylinder, (areas, lengths) [N/m]."""
+    out, stroke = length - length.min(), np.ptp(length)
+    return np.array(
+        [
+            cylinder.stiffness(
+                out, force, machine.fluid, machine.supply, areas=tuple(pair), stroke=stroke
+            )
+            for pair in area
+        ]
+    )
 
 
 @pytest.mark.parametrize(
@@ -45,31 +62,23 @@ def test_terms_hold_stiffness(
     joint, limits = machine.linkages[i].joints[0], cylinder_constraints(problem, i)
     assert limits is not None
     exact = problem.vector.linkages(x)[i].actuation(sweep(machine.arm, joint, angles))
-    arm, curve, stroke = (
-        exact.moment_arm[:, joint],
-        exact.moment_arm_derivative[:, joint, joint],
-        np.ptp(exact.length),
-    )
+    arm, stroke = exact.moment_arm[:, joint], np.ptp(exact.length)
     if (arm * shape.sign).min() < 1e-3:
         return  # not a cylinder that works
     old = replace(old, compliance=soft * old.oil_compliance(machine.fluid, machine.supply))
     area = np.array([old.bore_area, old.annulus_area]) * random.uniform(0.5, 1.1, (5, 2))
     weight, gravity = random.uniform(0, 1, len(angles)), random.normal(size=len(angles)) * 1e4
-    price, values = random.normal(size=2) * 1e6, []
-    out = exact.length - exact.length.min()
-    for areas in area:
-        k = old.stiffness(
-            out, gravity / arm, machine.fluid, machine.supply, areas=tuple(areas), stroke=stroke
-        )
-        values.append(weight @ (k * arm**2 - gravity / arm * curve) - price @ areas * stroke)
+    force, curve = gravity / arm, exact.moment_arm_derivative[:, joint, joint]
+    price = random.normal(size=2) * 1e6
+    k = stiffnesses(machine, old, exact.length, force, area)
+    values = (k * arm**2 - force * curve) @ weight - area @ price * stroke
     torque = interval(np.concatenate([[0, 0], gravity * shape.sign]))
     beta = machine.fluid.bulk_modulus
+    structure = Structure(np.full(len(angles) + 2, old.compliance), beta, torque)
     share = CylinderTerm(
         shape=shape,
         limits=limits,
-        structure=Structure(np.full(len(angles) + 2, old.compliance), beta, torque)
-        if soft
-        else None,
+        structure=structure if soft else None,
         weight=np.concatenate([[0, 0], weight * beta]),
         bend=interval(np.concatenate([[0, 0], weight * gravity])),
         price=price,
@@ -79,11 +88,10 @@ def test_terms_hold_stiffness(
     at = coordinates(problem, i, shape, x)
     low, high = box_around(at, shape, np.array(width) * 0.1, np.array(place))
     volume, scale = area * stroke, np.abs(values).max()
-    assert np.all(bounds(share, low, high, volume[None])[0] >= np.array(values) - ROUNDING * scale)
+    assert np.all(bounds(share, low, high, volume[None])[0] >= values - ROUNDING * scale)
+    together = 1 if soft else 5
     for choices, exact_ones in zip(
-        volume[:, None] if soft else [volume],
-        np.reshape(values, (-1, 1 if soft else 5)),
-        strict=True,
+        volume.reshape(-1, together, 2), values.reshape(-1, together), strict=True
     ):
         none = bounds(share, at[None], at[None], choices[None])
         np.testing.assert_allclose(none[0], exact_ones, atol=1e-8 * scale)

@@ -8,6 +8,7 @@ import pytest
 from armdesign.design.bound.certificate import upper_bound
 from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.modes import hertz
 from tests.design.designs import solved
@@ -15,6 +16,14 @@ from tests.design.program.weighed_machines import bars, posed
 from tests.machines import named
 
 # -------------------------------------------------------------------- the bound for pins and areas
+
+
+def of_the_bars(problem: Problem, x: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
+    """What barrels and rods add to mass matrix, gravity and its slope."""
+    dynamics = problem.dynamics
+    bare = (dynamics.rows.mass, dynamics.rows.gravity, dynamics.rows.slope)
+    parts = dynamics.inertia_and_gravity(x, dynamics.rows, rows)
+    return [part - base[rows] for part, base in zip(parts, bare, strict=True)]
 
 
 @pytest.mark.parametrize(
@@ -51,13 +60,7 @@ def test_own_masses_lie_within_their_intervals(name: str, pins: str) -> None:
         areas = problem.vector.areas(x)
         if np.any(areas[:, 1] > areas[:, 0]) or not problem.vector.closes(x):
             continue
-        mass, torque, slope = problem.dynamics.inertia_and_gravity(x, problem.dynamics.rows, rows)
-        bare = (
-            problem.dynamics.rows.mass,
-            problem.dynamics.rows.gravity,
-            problem.dynamics.rows.slope,
-        )
-        own = [part - base[rows] for part, base in zip((mass, torque, slope), bare, strict=True)]
+        own = of_the_bars(problem, x, rows)
         scale = np.abs(own[1]).max()
         assert np.all((own[1] >= low - 1e-9 * scale)[:, free])
         assert np.all((own[1] <= high + 1e-9 * scale)[:, free])

@@ -161,10 +161,11 @@ def test_pins_follow_the_chosen_sizes() -> None:
 # -------------------------------------------------------------------------------------- what fails
 
 
-def test_says_what_no_combination_meets() -> None:
+def test_requirements_that_no_size_meets() -> None:
+    """By hand: 1.2² of today's bore area sweeps and pushes 44 % too much; each of these conflicts
+    by itself.
+    """
     machine, space = double(), workspace_of("double")
-    # by hand: 1.2² of today's bore area sweeps and pushes 44 % too much; each of these conflicts
-    # by itself
     with pytest.raises(
         InfeasibleError, match=r"meet oil.cap.total, nor .*, nor thrust.fold; relax them: "
     ) as error:
@@ -178,14 +179,23 @@ def test_says_what_no_combination_meets() -> None:
         assert given[name].together == pytest.approx(0.44 * given[name].limit)
     granted = Requirements(thrust_share=1.0).granting(error.value.conflict)
     ad.size_cylinders(machine, space, granted, catalogue=[(120 * mm, 80 * mm)])
+
+
+def test_oil_that_no_combination_keeps() -> None:
+    machine, space = double(), workspace_of("double")
     limits = Requirements(oil_total_share=0.99, oil_each_share=2, thrust_share=2)
     with pytest.raises(InfeasibleError, match=r"oil.cap.total") as error:
         ad.size_cylinders(
             machine, space, limits, catalogue=[(100 * mm, 63 * mm), (110 * mm, 70 * mm)]
         )
     assert error.value.conflict[0].together == pytest.approx(error.value.conflict[0].limit / 99)
-    # by hand: 100/50 buckles (50⁴/100² < 63⁴/100²), 115/80 thrusts 1.32 times as much; either
-    # limit could be met
+
+
+def test_thrust_against_buckling_of_each_cylinder() -> None:
+    """By hand: 100/50 buckles (50⁴/100² < 63⁴/100²), 115/80 thrusts 1.32 times as much; either
+    limit could be met.
+    """
+    machine, space = double(), workspace_of("double")
     limits = Requirements(oil_total_share=1.5, oil_each_share=1.5, thrust_share=1.2)
     with pytest.raises(
         InfeasibleError, match=r"meet thrust.(lift|fold) together with buckling.\1, nor "
@@ -214,14 +224,10 @@ def test_the_conflict_of_a_catalogue_against_enumeration(seed: int) -> None:
     """
     machine, space, random = double(), workspace_of("double"), np.random.default_rng(seed)
     sizes = sizes_of([AROUND[k] for k in random.choice(len(AROUND), 4, replace=False)])
-    shares = dict(
-        zip(
-            ("oil_total_share", "oil_each_share", "thrust_share"),
-            random.uniform(0.8, 1.3, 3),
-            strict=True,
-        )
+    oil, each, thrust = random.uniform(0.8, 1.3, 3)
+    limits = Requirements(
+        oil_total_share=oil, oil_each_share=each, thrust_share=thrust, holding_share=0.5
     )
-    limits = Requirements(**shares, holding_share=0.5)
     pairs = itertools.product(sizes, repeat=2)
     made = [
         tuple(sized(c, *s) for c, s in zip(machine.cylinders, pair, strict=True)) for pair in pairs
@@ -250,9 +256,8 @@ def test_the_conflict_of_a_catalogue_against_enumeration(seed: int) -> None:
         alone = np.all(found >= limit, axis=1)
         assert (c.alone is not None) == alone.any()
         if c.alone is not None:
-            assert c.alone / c.limit == pytest.approx(
-                max(0.0, -found[alone, column].max()), abs=1e-9
-            )
+            least = max(0.0, -found[alone, column].max())
+            assert c.alone / c.limit == pytest.approx(least, abs=1e-9)
     others = np.all(np.delete(found, columns, axis=1) >= -1e-9, axis=1)
     share = np.maximum(-found[np.ix_(others, columns)], 0.0).max(axis=1).min()
     assert max(c.together / c.limit for c in conflict) == pytest.approx(share, rel=2e-3)

@@ -4,6 +4,7 @@ derivatives, bounds.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -221,57 +222,62 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
 # ------------------------------------------------------------------------------------- brute force
 
 
-def brute_force(problem: Problem) -> float:
-    """Best worst frequency [Hz] over areas of two cylinders on a grid that zooms in, by the front
-    door's own poses.
+class TwoCylinders:
+    """ω² of machines whose barrels and rods weigh, by the front door's own poses.
 
     Inertia, gravity and its slope are affine in each bar's mass: what a kilogram adds is read off
     machines with it.
     """
-    machine = problem.machine
-    keys = [f"cylinder.{c.name}.{bar}_kg" for c in machine.cylinders for bar in ("barrel", "rod")]
-    light = dict.fromkeys(keys, 0.0)
-    bare = machine.replace(light).at(problem.workspace.q)
-    with_one = [machine.replace(light | {key: 1.0}).at(problem.workspace.q) for key in keys]
-    today = np.array([[c.bore_area, c.annulus_area] for c in machine.cylinders])
-    strokes = np.array([c.stroke for c in machine.cylinders])
-    weights = np.array([[c.barrel_mass, c.rod_mass] for c in machine.cylinders])
-    outer = np.einsum("nci,ncj->cnij", bare.moment_arms, bare.moment_arms)
-    s = bare.lengths - np.array([c.closed_length for c in machine.cylinders])
 
-    def worst(x: np.ndarray) -> np.ndarray:
-        a = x.reshape(-1, 2, 2)
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.machine = problem, problem.machine
+        bars = itertools.product(self.machine.cylinders, ("barrel", "rod"))
+        keys = [f"cylinder.{c.name}.{bar}_kg" for c, bar in bars]
+        light, q = dict.fromkeys(keys, 0.0), problem.workspace.q
+        self.bare = self.machine.replace(light).at(q)
+        self.with_one = [self.machine.replace(light | {key: 1.0}).at(q) for key in keys]
+        self.today = np.array([[c.bore_area, c.annulus_area] for c in self.machine.cylinders])
+
+    def masses(self, a: np.ndarray) -> np.ndarray:
+        """Of barrels and rods (n, bars) [kg] with shares ``a`` (n, cylinders, 2) of the areas."""
+        today = self.today
+        weights = np.array([[c.barrel_mass, c.rod_mass] for c in self.machine.cylinders])
         rod = (a[:, :, 0] * today[:, 0] - a[:, :, 1] * today[:, 1]) / (today[:, 0] - today[:, 1])
-        kg = np.stack([a[:, :, 0] * weights[:, 0], rod * weights[:, 1]], axis=2).reshape(
-            len(a), -1
-        )
+        shares = np.stack([a[:, :, 0], rod], axis=2)
+        return np.asarray((shares * weights).reshape(len(a), -1))
 
-        def at(name: str) -> np.ndarray:
-            base = getattr(bare, name)
-            return np.asarray(
-                base + np.tensordot(kg, [getattr(p, name) - base for p in with_one], axes=1)
-            )
+    def weighed(self, name: str, kg: np.ndarray) -> np.ndarray:
+        """What the poses call ``name``, with those masses, (n, poses, …)."""
+        base = getattr(self.bare, name)
+        added = [getattr(pose, name) - base for pose in self.with_one]
+        return np.asarray(base + np.tensordot(kg, added, axes=1))
 
-        stiffness = at("gravity_stiffness") + at("geometric_stiffness")
-        for i, c in enumerate(machine.cylinders):
-            a1, a2 = (a[:, i] * today[i]).T[:, :, None]
-            v1, v2 = (
-                a1 * s[:, i] + c.cap_dead_volume,
-                a2 * (strokes[i] - s[:, i]) + c.annulus_dead_volume,
-            )
-            stiffness = (
-                stiffness
-                + (machine.fluid.bulk_modulus * (a1**2 / v1 + a2**2 / v2))[..., None, None]
-                * outer[i]
-            )
-        lower = np.linalg.inv(np.linalg.cholesky(at("mass_matrix")))
-        return np.asarray(
-            np.linalg.eigvalsh(lower @ stiffness @ np.swapaxes(lower, 2, 3))[..., 0].min(axis=1)
-        )
+    def oil(self, a: np.ndarray, i: int) -> np.ndarray:
+        """A1²/V1 + A2²/V2 of a cylinder, (n, poses)."""
+        c = self.machine.cylinders[i]
+        s = self.bare.lengths[:, i] - c.closed_length
+        a1, a2 = (a[:, i] * self.today[i]).T[:, :, None]
+        v1, v2 = a1 * s + c.cap_dead_volume, a2 * (c.stroke - s) + c.annulus_dead_volume
+        return np.asarray(a1**2 / v1 + a2**2 / v2)
 
-    low, high = np.full(4, 0.6), np.full(4, 1.1)
-    value = where_allowed(problem, worst)
-    return hertz(zoomed_best(value, low, high, points=9, levels=9, shrink=0.4)[0])
+    def worst(self, x: np.ndarray) -> np.ndarray:
+        """Least ω² [1/s²] over the poses, for each row of area shares."""
+        a = x.reshape(-1, 2, 2)
+        kg = self.masses(a)
+        stiffness = self.weighed("gravity_stiffness", kg) + self.weighed("geometric_stiffness", kg)
+        for i, arms in enumerate(np.moveaxis(self.bare.moment_arms, 1, 0)):
+            outer = np.einsum("ni,nj->nij", arms, arms)
+            stiff = self.machine.fluid.bulk_modulus * self.oil(a, i)
+            stiffness = stiffness + stiff[..., None, None] * outer
+        lower = np.linalg.inv(np.linalg.cholesky(self.weighed("mass_matrix", kg)))
+        modes = np.linalg.eigvalsh(lower @ stiffness @ np.swapaxes(lower, 2, 3))
+        return np.asarray(modes[..., 0].min(axis=1))
+
+    def best(self) -> float:
+        """Best worst frequency [Hz] over areas on a grid that zooms in."""
+        low, high = np.full(4, 0.6), np.full(4, 1.1)
+        value = where_allowed(self.problem, self.worst)
+        return hertz(zoomed_best(value, low, high, points=9, levels=9, shrink=0.4)[0])
 
 
 @pytest.mark.parametrize("share", [1.0, 0.95])
@@ -281,7 +287,7 @@ def test_two_actuators_against_brute_force(share: float) -> None:
     """
     problem = posed(bars("double"), ("areas",), oil_total_share=share, **ANY_LIFT_AND_TORQUE)
     search = solved(problem)
-    found, bound = brute_force(problem), bound_of_areas(search)
+    found, bound = TwoCylinders(problem).best(), bound_of_areas(search)
     assert bound is not None
     assert search.violation < 1e-9
     assert hertz(search.squared) == pytest.approx(

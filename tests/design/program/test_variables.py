@@ -160,6 +160,7 @@ def test_a_bore_and_a_coordinate_by_scan() -> None:
     assert search.squared == pytest.approx(best, rel=0.01)
 
 
+@pytest.mark.slow
 def test_bound_of_a_bore_alone() -> None:
     """Areas alone, some of them: the chord's bound holds, and any bore in the box stays below
     it.

@@ -42,6 +42,7 @@ def test_least_moved_pins_stay_in_the_box() -> None:
         assert np.abs(least_moved_pins(problem, x)[moving]).max() <= 1 + 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_answer_does_not_depend_on_the_start(seed: int) -> None:
     """From today's machine and from drawn pins: the same frequency, areas and pins to a tenth of a
@@ -61,6 +62,7 @@ def test_answer_does_not_depend_on_the_start(seed: int) -> None:
     assert np.abs(one - other)[moving].max() * problem.vector.pin_box < 2e-4
 
 
+@pytest.mark.slow
 def test_order_of_cylinders_does_not_matter_for_pins() -> None:
     """The same machine written the other way round has the same pins."""
     pins = []

@@ -16,6 +16,7 @@ from tests.design.designs import problem_of
 MOVING = ("cylinder.lift.base.at_mm", "cylinder.fold.base.at_mm", "cylinder.fold.rod_end.at_mm")
 
 
+@pytest.mark.slow
 def test_no_neighbour_on_the_grid_is_better() -> None:
     """All points of the grid around the optimum, two values of each coordinate."""
     problem = replace(problem_of("double", MOVING, pin_box=0.4), grid=BUILDABLE)

@@ -96,6 +96,7 @@ def test_strokes_cover_todays_ranges() -> None:
     assert (new[:, 1] >= old[:, 1] - 1e-9).all()
 
 
+@pytest.mark.slow
 def test_binding_requirements_are_tight_and_worth_something() -> None:
     design = excavator_design()
     assert design.binding

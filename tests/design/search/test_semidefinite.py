@@ -143,6 +143,7 @@ def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("proportional", [False, True])
 @pytest.mark.parametrize(("name", "share"), [("single", 1.05), ("double", 1.0), ("double", 0.95)])
 def test_never_worse_than_brute_force_and_never_above_the_bound(
@@ -295,6 +296,7 @@ def test_relaxed_constraints_hold_wherever_the_true_ones_do(name: str) -> None:
 # -------------------------------------------------------------------------------------- the answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dead_volume", ["fixed", "proportional"])
 def test_size_cylinders(dead_volume: str) -> None:
     """+5 % by areas alone (DESIGN.md: "areas alone about +5 %"); rounding costs less than 0.5 %,

@@ -94,49 +94,53 @@ def test_text_that_is_no_machine_file(text: str, message: str) -> None:
     assert re.search(message, outcome(text))
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    def refused(path: Any) -> str:
-        with pytest.raises(ad.ArmDesignError) as caught:
-            ad.load(path)
-        assert_clear(str(caught.value))
-        return str(caught.value)
+def refusal(path: Any) -> str:
+    """What is said of a file that cannot be read."""
+    with pytest.raises(ad.ArmDesignError) as caught:
+        ad.load(path)
+    assert_clear(str(caught.value))
+    return str(caught.value)
 
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    assert re.search(
-        r"binary\.toml: is not UTF-8 text; save it as UTF-8", refused(tmp_path / "binary.toml")
-    )
-    assert "holds no" in refused(tmp_path)
+    message = refusal(tmp_path / "binary.toml")
+    assert re.search(r"binary\.toml: is not UTF-8 text; save it as UTF-8", message)
+    assert "holds no" in refusal(tmp_path)
     (tmp_path / "folder.toml").mkdir()
-    assert "holds no" in refused(tmp_path / "folder.toml")
-    assert "no such file" in refused(tmp_path / "none.toml")
+    assert "holds no" in refusal(tmp_path / "folder.toml")
+    assert "no such file" in refusal(tmp_path / "none.toml")
     (tmp_path / "loop.toml").symlink_to("loop.toml")
-    assert "cannot be read" in refused(tmp_path / "loop.toml")
-    for name, urdf in {
-        "a": "none.urdf",
-        "b": ".",
-        "c": "binary.toml",
-        "d": "a\\u0000b",
-        "e": "a\\nb",
-    }.items():
-        (tmp_path / f"{name}.toml").write_text(
-            TEXT.replace(DATA["urdf"], urdf, 2), encoding="utf-8"
-        )
-        refused(tmp_path / f"{name}.toml")
+    assert "cannot be read" in refusal(tmp_path / "loop.toml")
+
+
+@pytest.mark.parametrize("urdf", ["none.urdf", ".", "binary.toml", "a\\u0000b", "a\\nb"])
+def test_a_urdf_that_cannot_be_read(urdf: str, tmp_path: Path) -> None:
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "a.toml").write_text(TEXT.replace(DATA["urdf"], urdf, 2), encoding="utf-8")
+    refusal(tmp_path / "a.toml")
+
+
+def test_a_missing_urdf_is_named(tmp_path: Path) -> None:
     (tmp_path / "f.toml").write_text(TEXT.replace(DATA["urdf"], "missing.urdf"), encoding="utf-8")
-    assert re.search(r'f\.toml: urdf: "missing\.urdf": no such file', refused(tmp_path / "f.toml"))
-    assert 'did you mean "excavator_20t"' in refused("excavater_20t")
-    for path in (
-        "",
-        "x" * 5000,
-        "a\0b",
-        "/",
-        None,
-        5,
-        b"excavator_20t",
-        ["excavator_20t"],
-        "/proc/self/mem",
-    ):
-        refused(path)
+    message = refusal(tmp_path / "f.toml")
+    assert re.search(r'f\.toml: urdf: "missing\.urdf": no such file', message)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("", "x" * 5000, "a\0b", "/", "/proc/self/mem"),
+        *(None, 5, b"excavator_20t", ["excavator_20t"]),
+    ],
+    ids=range(9),
+)
+def test_what_is_no_path(path: Any) -> None:
+    refusal(path)
+
+
+def test_a_misspelt_machine_is_offered() -> None:
+    assert 'did you mean "excavator_20t"' in refusal("excavater_20t")
 
 
 @pytest.mark.slow

@@ -139,6 +139,7 @@ OF_ONE_KIND = {
 }
 
 
+@pytest.mark.slow
 def test_no_other_module_asks_for_the_four_bar() -> None:
     """Neither an attribute nor a text of the code, but for words that people read."""
     names = {"four_bar", "pivot", "lug", "rocker", "coupler", "knee"}

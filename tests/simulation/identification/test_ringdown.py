@@ -142,6 +142,7 @@ def rung() -> dict[str, tuple[Experiment, Simulation]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "modes"), [("paper_1dof", 1), ("excavator_20t", 3)])
 def test_plant_rings_in_its_linear_modes(
     rung: dict[str, tuple[Experiment, Simulation]], name: str, modes: int

@@ -22,6 +22,7 @@ from tests.simulation.valves import WORST
 # -------------------------------------------------------------------------------- valves that leak
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("overlap", [0.0, 3.0])
 def test_tank_leakage_alone(excavator: Machine, overlap: float) -> None:
     """By hand: nothing leaks at return pressure; the loaded chamber's leak T (p − p0) passes K o
