@@ -1,6 +1,17 @@
-"""``python -m armdesign`` is the command ``armdesign``."""
+"""The command ``armdesign``, also ``python -m armdesign``: Ctrl-C while it loads is one line."""
 
-from armdesign.cli import main
+import sys
+
+
+def main() -> None:
+    """Import the commands and run one; an end while they are imported exits with code 130."""
+    try:
+        from armdesign import cli
+    except KeyboardInterrupt:
+        sys.stderr.write("armdesign: interrupted before it began; nothing was written\n")
+        sys.exit(130)
+    cli.main()
+
 
 if __name__ == "__main__":
     main()

@@ -36,7 +36,7 @@ QUICK = {  # what each writes for the one-joint machine
 }
 
 
-ARMDESIGN = [sys.executable, "-m", "armdesign.cli"]
+ARMDESIGN = [sys.executable, "-m", "armdesign"]
 
 
 def main(words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> int:

@@ -298,7 +298,7 @@ def test_the_urdf_of_another_machine_is_not_replaced(
 
 def test_what_is_installed_as_a_script() -> None:
     project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
-    assert project["project"]["scripts"] == {"armdesign": "armdesign.cli:main"}
+    assert project["project"]["scripts"] == {"armdesign": "armdesign.__main__:main"}
 
 
 @pytest.mark.slow

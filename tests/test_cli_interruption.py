@@ -127,6 +127,27 @@ def test_ended_while_a_library_is_loaded(
     assert run.stderr.count("\n") == 1
 
 
+LOADING = """
+import sys
+class Ended:
+    def find_spec(self, name, *_):
+        if name == "armdesign.cli":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Ended())
+from armdesign.__main__ import main
+main()
+"""
+
+
+def test_ended_while_the_commands_are_loaded(tmp_path: Path) -> None:
+    """Ctrl-C within the first tenth of a second was a traceback of Python's."""
+    run = subprocess.run(
+        [sys.executable, "-c", LOADING], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (run.returncode, run.stdout) == (130, "")
+    assert run.stderr == "armdesign: interrupted before it began; nothing was written\n"
+
+
 @pytest.mark.slow
 def test_ended_while_files_move(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

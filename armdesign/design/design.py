@@ -109,7 +109,7 @@ class Design:
         problem, priced = search.problem, {} if selection else prices(search)
         machine = with_todays_structure(rounded.machine, problem.machine)
         return cls(
-            machine=documented(machine, problem.machine, problem.requirements, command),
+            machine=documented(machine, problem, command),
             today=problem.machine,
             requirements=problem.requirements,
             checks=rounded.checks,
@@ -195,7 +195,7 @@ class Design:
 
     def written_by(self, command: str) -> Machine:
         """The new machine with a file that says it was made by ``command``."""
-        return documented(self.machine, self.today, self.requirements, command)
+        return documented(self.machine, self.problem, command)
 
     def plot(self, plane: str = "joints") -> Any:
         """Maps before and after on one colour scale over two joints or over reach and height.

@@ -159,5 +159,5 @@ def _assumptions(design: Design) -> tuple[str, ...]:
 def _provenance(design: Design, origin: Origin) -> Sheet:
     machines = {"today": design.today, "new": design.written_by(origin.command)}
     seed = f"{origin.options.get('seed', 0)}, of the search's starts"
-    requirements = stated_requirements(design.today, design.requirements)
+    requirements = stated_requirements(design.problem)
     return origin.sheet(machines, requirements=requirements, seeds=seed)

@@ -53,6 +53,7 @@ DOMINATES = 3.0  # ratio of spectral lines
 
 NOTABLE = 0.2  # of the largest pressure swing
 PERIODS = 2.0  # fewest in a window
+ROUNDING = 1e-9  # of the largest value: less than any instrument resolves
 PER_PERIOD = 40  # samples that are enough; more are averaged
 SURE = 2.0  # deviations by which a ring grows
 LEFT = 0.3  # of the root mean square about the trend: a large residual
@@ -180,6 +181,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     step = length / (len(part.time) - 1)
     level = detrended(values[:, None], TRENDS[0])[:, 0]
     slow, (frequency, height) = strongest(step, level), strongest(step, level, PERIODS / length)
+    _refuse_trend(part, name, level)
     _refuse_coarse(part, name, step, level)
     too_short = "choose a longer window"
     if height == 0 or (slow[0] < PERIODS / length and slow[1] > DOMINATES * height):
@@ -206,6 +208,13 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         means=means_of(part),
         remarks=_remarks(fit, pieces),
     )
+
+
+def _refuse_trend(part: Recording, name: str, level: Array) -> None:
+    """Raise where nothing but rounding is left about a trend."""
+    if np.abs(level).max() <= ROUNDING * np.abs(part.columns[name]).max():
+        fault = f"{name} is a smooth trend, on which nothing rings"
+        raise SimulationError(part.source, fault, "choose another window or column")
 
 
 def _refuse_coarse(part: Recording, name: str, step: float, level: Array) -> None:

@@ -8,10 +8,13 @@ from dataclasses import replace
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import armdesign as ad
+from armdesign.design.provenance import stated_requirements
+from armdesign.design.search.multistart import formulate_with_sizes
 from armdesign.machine import template
 from armdesign.machine.file.machine_file import flat
 from tests import machines
@@ -70,6 +73,20 @@ def test_its_head_is_its_own_story(design: ad.Design) -> None:
         assert part in words
     assert "PLACEHOLDER" not in design.machine.text
     assert design.machine.text.startswith("#:schema ./machine.schema.json\n")
+
+
+@pytest.mark.parametrize(
+    ("catalogue", "name"),
+    [(None, "5mm"), ("free", "free"), ("iso", "iso"), ([(0.12, 0.08)], "own")],
+)
+def test_the_catalogue_that_was_used_is_stated(catalogue: Any, name: str) -> None:
+    """The file's own was stated whatever sizes were chosen from."""
+    machine = ad.load("excavator_20t")
+    workspace = ad.Workspace.grid(machine, 3)
+    problem, _ = formulate_with_sizes(
+        machine, workspace, None, ("areas",), bands=None, objective="worst", catalogue=catalogue
+    )
+    assert f', catalogue "{name}", ' in stated_requirements(problem)
 
 
 @pytest.mark.slow

@@ -165,7 +165,7 @@ LARGE = {
     [
         (of(20, 50, 10), r"no free decay of 3 periods between 0.3 and 6.2 Hz, where 50 samples"),
         (of(20, 50, 1), r"only 2.5 samples in a period .*about 20 Hz.*; record 8 .*, at 160 Hz"),
-        (of(2, 50, 0.8), r"in 6 periods or more; 0.78 s hold 1.2 of .*give windows of two per"),
+        (of(2, 50, 0.8), r"in 6 periods or more; 0.78 s hold 1.2 of .*; record longer"),
         (of(25, 200, 4), r"found up to 20 Hz; boom_cap_bar rings at about 24.8 Hz; give windows$"),
         (of(24, 50, 2), r"rings at about 24.1 Hz; record at 193 Hz, give windows$"),
         (of(2, 50, 10) | {"boom_cap_bar": np.full(500, np.nan)}, r"boom_cap_bar: fewer than two"),
@@ -259,6 +259,15 @@ def test_faults_of_recordings() -> None:
     ):
         with pytest.raises(SimulationError, match=message):
             ad.identify(given, windows)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
+def test_nothing_rings_on_a_trend(rate: float, degree: int) -> None:
+    """Rounding of its numbers, 1e-14 of them, was answered as a ring of 2 to 150 Hz."""
+    time = np.arange(0, 6, 1 / rate)
+    with pytest.raises(SimulationError, match="a smooth trend, on which nothing rings"):
+        ad.identify({"time_s": time, "boom_cap_bar": 100 + 3 * time**degree}, [(0.5, 1.5)])
 
 
 def test_a_signal_that_cannot_be() -> None:

@@ -22,6 +22,7 @@ GRID_MM = 5  # of makers of excavators
 SAME = 1e-9  # [m]
 LARGEST = 2.0  # [m] a bore beyond it was meant in mm
 FREE = "free"  # in place of a catalogue: real numbers, to 0.1 mm
+OWN = "own"  # pairs that were given
 
 
 @dataclass(frozen=True)
@@ -31,14 +32,16 @@ class DrawingGrid:
     Attributes:
         lengths: of pin coordinates and bars.
         strokes: of strokes.
+        catalogue: name of what bores and rods are from: "iso", "5mm", "own" pairs, or "free".
     """
 
     lengths: float
     strokes: float
+    catalogue: str
 
 
-FINE = DrawingGrid(lengths=0.1, strokes=0.1)
-BUILDABLE = DrawingGrid(lengths=1.0, strokes=5.0)
+FINE = DrawingGrid(lengths=0.1, strokes=0.1, catalogue=FREE)
+BUILDABLE = DrawingGrid(lengths=1.0, strokes=5.0, catalogue=OWN)
 
 
 def sizes_and_grid(
@@ -58,7 +61,8 @@ def sizes_and_grid(
         catalogue = machine.section.requirements.catalogue
     if catalogue is None or (isinstance(catalogue, str) and catalogue == FREE):
         return None, FINE
-    return sizes_of(catalogue), BUILDABLE
+    name = catalogue if isinstance(catalogue, str) else OWN
+    return sizes_of(catalogue), replace(BUILDABLE, catalogue=name)
 
 
 def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:

@@ -78,7 +78,8 @@ def found_windows(part: str, time: Array, signal: Array) -> list[tuple[float, fl
     if frequency * length < 2 * LEAST:
         fault = f"windows are found in {2 * LEAST:g} periods or more; {length:.3g} s hold"
         fault += f" {frequency * length:.2g} of what is strongest (about {frequency:.2g} Hz)"
-        raise SimulationError(part, fault, "give windows of two periods or more, or record longer")
+        held = "give windows of two periods or more, or " if frequency * length >= 2 else ""
+        raise SimulationError(part, fault, f"{held}record longer")
     edges = np.array([frequency / 1.6, min(1.6 * frequency, 0.45 / step)])
     band = butter(2, edges, "bandpass", fs=1 / step, output="sos")
     envelope = np.abs(hilbert(sosfiltfilt(band, signal - signal.mean())))
