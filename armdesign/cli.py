@@ -152,6 +152,7 @@ def validate(run: OverWorkspace) -> None:
 
     with run.progress("simulating the worst, the median and the best pose"):
         model, workspace, out = run.open_workspace()
+        run.go_on(out)
         answer = validation.validate(model, workspace=workspace)
         validations = answer.by_pose
     items: list[Any] = [validation_sheet(validations), f"{verdict(list(validations.values()))}."]

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,10 +36,13 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.frequency.workspace import Workspace
+from armdesign.journal.finished import all_finished
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
+from armdesign.progress import counted
 from armdesign.short_repr import short_repr
 from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.kept_sweeps import form
 from armdesign.simulation.linearization import without_dry_friction
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import SimulationCase, attempt_all
@@ -163,7 +166,7 @@ def validate(
 ) -> Validation:
     """Natural frequencies measured in the nonlinear model against the linear ones.
 
-    All sweeps are one stacked run.
+    The sweeps at a pose are one stacked run.
 
     Args:
         machine: the machine; every cylinder needs a valve.
@@ -203,7 +206,7 @@ def validate(
         loaded = [machine if payloads is None else machine.with_payload(name) for name in names]
         poses = enumerate(machine.at(q).q, 1)
         places = [NamedPose(str(number), case, pose) for number, pose in poses for case in loaded]
-    validation = _validations([_plan(places, cylinders, amplitude)])[0]
+    validation = _validations([places], Wanted(cylinders, amplitude))[0]
     if not validation.runs:
         raise_together([failure.error for failure in validation.failures])
     return validation
@@ -214,7 +217,7 @@ def validate_maps(maps: Sequence[FrequencyMap]) -> list[Validation]:
 
     What cannot be run is a failure, even if that is all: so the other machines are not lost.
     """
-    return _validations([_plan(_extreme_places(each, None), None, None) for each in maps])
+    return _validations([_extreme_places(each, None) for each in maps], Wanted())
 
 
 def _refuse_empty(machine: Machine, **arguments: object) -> None:
@@ -299,38 +302,36 @@ class PlannedSweep:
         )
 
 
-class Plan(NamedTuple):
-    """Names of the joints; sweeps of every pose and cylinder, or why there are none."""
+class Wanted(NamedTuple):
+    """What is asked for at every pose."""
 
-    joints: tuple[str, ...]
-    groups: list[list[PlannedSweep] | Failure]
+    cylinders: Sequence[str] | None = None
+    amplitude: float | None = None
 
 
-def _plan(
-    places: Sequence[NamedPose], cylinders: Sequence[str] | None, amplitude: float | None
-) -> Plan:
-    """The sweeps at some places, of some cylinders."""
+def _plan(place: NamedPose, wanted: Wanted) -> list[list[PlannedSweep] | Failure]:
+    """The sweeps of every cylinder at a place, or why there are none."""
     groups: list[list[PlannedSweep] | Failure] = []
-    for name, machine, pose in places:
-        poses = machine.at(pose)
-        for index, mode in _cylinders_and_modes(machine, poses, cylinders):
-            sweep = Sweep(
-                pose=name,
-                payload=machine.payload.name,
-                q=poses.q[0].copy(),
-                cylinder=machine.actuators[index].name,
-                mode=mode + 1,
-                linear_frequency=float(natural_modes(poses).frequencies[0, mode]),
-                frequency_at_rest=math.nan,
-                linear_damping=math.nan,
-                amplitude=math.nan,
-            )
-            try:
-                experiment = Experiment.of(machine, pose, index, mode)
-                groups.append(_group(sweep, experiment, amplitude))
-            except SimulationError as error:
-                groups.append(Failure(**vars(sweep), error=error))
-    return Plan(places[0].machine.joints, groups)
+    name, machine, pose = place
+    poses = machine.at(pose)
+    for index, mode in _cylinders_and_modes(machine, poses, wanted.cylinders):
+        sweep = Sweep(
+            pose=name,
+            payload=machine.payload.name,
+            q=poses.q[0].copy(),
+            cylinder=machine.actuators[index].name,
+            mode=mode + 1,
+            linear_frequency=float(natural_modes(poses).frequencies[0, mode]),
+            frequency_at_rest=math.nan,
+            linear_damping=math.nan,
+            amplitude=math.nan,
+        )
+        try:
+            experiment = Experiment.of(machine, pose, index, mode)
+            groups.append(_group(sweep, experiment, wanted.amplitude))
+        except SimulationError as error:
+            groups.append(Failure(**vars(sweep), error=error))
+    return groups
 
 
 def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> list[PlannedSweep]:
@@ -351,19 +352,34 @@ def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> lis
     ]
 
 
-def _validations(plans: Sequence[Plan]) -> list[Validation]:
+def _validations(machines: Sequence[list[NamedPose]], wanted: Wanted) -> list[Validation]:
+    """The sweeps at the places of some machines, each place a piece of a journal that is open."""
+    places = [place for of_one in machines for place in of_one]
+
+    def identity(k: int) -> Any:
+        name, machine, pose = places[k]
+        return [machine.identity, name, pose.tolist(), wanted.cylinders, wanted.amplitude]
+
+    def swept(missing: list[int]) -> Iterator[tuple[int, list[Run | Failure]]]:
+        for k in counted(missing, "pose"):
+            yield k, _sweeps(_plan(places[k], wanted))
+
+    pieces = iter(all_finished("sweeps at a pose", len(places), identity, swept, form()))
+    return [
+        Validation(of_one[0].machine.joints, tuple(one for _ in of_one for one in next(pieces)))
+        for of_one in machines
+    ]
+
+
+def _sweeps(groups: Sequence[list[PlannedSweep] | Failure]) -> list[Run | Failure]:
     """All planned sweeps as one stacked run."""
-    groups = [group for plan in plans for group in plan.groups if isinstance(group, list)]
-    cases = [planned.case for group in groups for planned in group]
+    cases = [planned.case for group in groups if isinstance(group, list) for planned in group]
     motions = iter(attempt_all(cases, tolerance=TOLERANCE))
-    validations = []
-    for joints, groups_of_one in plans:
-        sweeps: list[Run | Failure] = []
-        for group in groups_of_one:
-            if isinstance(group, Failure):
-                sweeps.append(group)
-            else:
-                results = [planned.result(next(motions)) for planned in group]
-                sweeps += with_remarks(results, group[0].experiment.creeps)
-        validations.append(Validation(joints, tuple(sweeps)))
-    return validations
+    sweeps: list[Run | Failure] = []
+    for group in groups:
+        if isinstance(group, Failure):
+            sweeps.append(group)
+        else:
+            results = [planned.result(next(motions)) for planned in group]
+            sweeps += with_remarks(results, group[0].experiment.creeps)
+    return sweeps
