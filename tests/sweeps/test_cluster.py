@@ -18,12 +18,12 @@ import pytest
 import armdesign as ad
 from armdesign.sweeps.sweep import sweep
 
-pytestmark = [
-    pytest.mark.slow,
+QUIET = [  # what the scheduler's client leaves open
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
+pytestmark = [pytest.mark.slow, *QUIET]
 MODULI = {"fluid.bulk_modulus_MPa": [900.0 + 10 * n for n in range(30)]}
 Start = Callable[..., "subprocess.Popen[bytes]"]
 
