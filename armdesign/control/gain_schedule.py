@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +56,12 @@ class GainSchedule:
             corner=gains[:, -1],
             filter=self.map.options.filter,
         )
+
+    def plot(self) -> Any:
+        """Figure of the position gain of each loop over the joints."""
+        from armdesign import plots
+
+        return plots.gain_schedule(self)
 
 
 def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainSchedule:

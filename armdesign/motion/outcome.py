@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -61,6 +62,12 @@ class MoveRun(ReadOnly):
         lines = np.fft.rfft(window * self.deviation, axis=0) * 2 / window.sum()
         frequency = np.fft.rfftfreq(len(self.time), self.time[1] - self.time[0])
         return frequency, np.linalg.norm(lines, axis=1)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Residual oscillation of the tool; returns the axes."""
+        from armdesign import plots
+
+        return plots.residual_oscillation(self, ax)
 
 
 def move_run(

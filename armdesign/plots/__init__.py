@@ -1,6 +1,6 @@
 """Pictures of results; ``canvas``, the door to matplotlib, opens with the first figure."""
 
-from armdesign.plots.bandwidths import bandwidth_map, bandwidth_maps
+from armdesign.plots.bandwidths import bandwidth_map, bandwidth_maps, gain_schedule
 from armdesign.plots.calibrations import calibration_figure
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save, title_of
 from armdesign.plots.designs import (
@@ -23,8 +23,13 @@ from armdesign.plots.maps import (
     side_by_side,
 )
 from armdesign.plots.mode_shapes import mode_shapes
-from armdesign.plots.moves import move_figure, sensitivity_curves, shaper_figure
-from armdesign.plots.recordings import identified_figure
+from armdesign.plots.moves import (
+    move_figure,
+    residual_oscillation,
+    sensitivity_curves,
+    shaper_figure,
+)
+from armdesign.plots.recordings import identified_figure, ringdown
 from armdesign.plots.responses import (
     frequency_responses,
     linear_modes,
@@ -34,6 +39,7 @@ from armdesign.plots.responses import (
 )
 from armdesign.plots.sensitivities import distribution, linear_against_exact, tornado
 from armdesign.plots.simulations import simulation_figure
+from armdesign.plots.sweeps import sweep_answers
 
 __all__ = [
     "COMPUTED",
@@ -49,6 +55,7 @@ __all__ = [
     "figure",
     "frequency_map",
     "frequency_responses",
+    "gain_schedule",
     "holding_pressure",
     "identified_figure",
     "joint_plane",
@@ -67,11 +74,14 @@ __all__ = [
     "moment_arms",
     "move_figure",
     "reach_map",
+    "residual_oscillation",
+    "ringdown",
     "save",
     "sensitivity_curves",
     "shaper_figure",
     "side_by_side",
     "simulation_figure",
+    "sweep_answers",
     "title_of",
     "tornado",
     "trade_off",

@@ -9,6 +9,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.plots.canvas import (
     COMPUTED,
+    INK,
     MARK,
     figure,
     joint_label,
@@ -16,13 +17,15 @@ from armdesign.plots.canvas import (
     literal,
     title_of,
 )
-from armdesign.plots.colour_bars import hide_colour_bar
+from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
 from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
 
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
+    from armdesign.control.gain_schedule import GainSchedule
 
 BANDWIDTH = "bandwidth of narrowest loop [Hz]"
+GAIN = "position gain [1/s]"
 TITLES = {
     "proportional": "position loops alone",
     "damped": "+ pressure feedback, common gains",
@@ -86,6 +89,32 @@ def bandwidth_maps(bandwidths: BandwidthMap) -> Any:
         if ax.child_axes:
             hide_colour_bar(ax)
     fig.suptitle(title_of(bandwidths.machine))
+    return fig
+
+
+@literal
+def gain_schedule(schedule: GainSchedule) -> Any:
+    """Figure of the position gain of each loop at the poses at which gains are known."""
+    machine = schedule.machine
+    drawn, gains = drawn_joints(machine), schedule.gains[:, : len(machine.joints)]
+    joints = [machine.arm.joints[j] for j in drawn]
+    at = [joint_values(machine.arm.joints[j], schedule.poses[:, j]) for j in drawn]
+    fig, axes = figure(len(machine.joints), 5.6, 5.0)
+    for ax, name, own in zip(axes, machine.joints, gains.T, strict=True):
+        ax.set(title=f"loop of {name}", xlabel=joint_label(joints[0]))
+        if len(joints) == 1:
+            ax.plot(at[0], own, "o", color=INK)
+            ax.set_ylabel(GAIN)
+            ax.grid(alpha=0.3)
+        else:
+            order = np.argsort(-own)  # the smallest on top, where poses differ in other joints
+            places = [one[order] for one in at]
+            dots = ax.scatter(*places, c=own[order], s=40, vmin=gains.min(), vmax=gains.max())
+            ax.set_ylabel(joint_label(joints[1]))
+            colour_bar(ax, dots, GAIN)
+    for ax in axes[:-1] if len(joints) > 1 else ():
+        hide_colour_bar(ax)
+    fig.suptitle(title_of(machine))
     return fig
 
 

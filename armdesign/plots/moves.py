@@ -155,10 +155,20 @@ def _path(ax: Any, move: Move) -> None:
 
 def _left(ax: Any, move: Move) -> None:
     for run, style in ((move.shaped, {"lw": 1.6}), (move.unshaped, FAINT)):
-        _, _, axes = np.linalg.svd(run.deviation, full_matrices=False)
-        label = f"{'shaped' if run.shaped else 'unshaped'}, {run.residual / mm:.3g} mm"
-        ax.plot(run.time, run.deviation @ axes[0] / mm, color=INK, label=label, **style)
-    ax.set(xlabel="time [s]", ylabel="tool about its drift [mm]", title="What is left")
+        residual_oscillation(run, ax, **style)
+
+
+@literal
+def residual_oscillation(run: MoveRun, ax: Any = None, **style: Any) -> Any:
+    """Axes with the tool's oscillation after a move, along its largest swing."""
+    ax = figure()[1][0] if ax is None else ax
+    _, _, axes = np.linalg.svd(run.deviation, full_matrices=False)
+    label = f"{'shaped' if run.shaped else 'unshaped'}, {run.residual / mm:.3g} mm"
+    ax.plot(run.time, run.deviation @ axes[0] / mm, color=INK, label=label, **style)
+    ax.set(xlabel="time [s]", ylabel="tool about its drift [mm]", title="Residual oscillation")
+    ax.legend(frameon=False)
+    ax.grid(alpha=0.3)
+    return ax
 
 
 def _spectrum(ax: Any, move: Move) -> None:

@@ -10,6 +10,7 @@ from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
 
 if TYPE_CHECKING:
     from armdesign.simulation.identification.modal_fit import ModalFit
+    from armdesign.simulation.identification.ringdown import Ringdown
     from armdesign.simulation.identified import Identified, IdentifiedWindow
 
 
@@ -43,6 +44,25 @@ def identified_figure(identified: Identified) -> Any:
     for ax in (top, below, last):
         ax.grid(alpha=0.3)
     top.legend(frameon=False)
+    return fig
+
+
+@literal
+def ringdown(decay: Ringdown) -> Any:
+    """Figure of a free decay's outputs with the modes fitted to them, and of what these leave."""
+    fig, (signal, left) = figure(rows=2, height=2.6)
+    for k, (recorded, fitted) in enumerate(zip(decay.response.T, decay.fitted.T, strict=True)):
+        labels = ("recorded", "fit") if k == 0 else (None, None)
+        signal.plot(decay.time, recorded, color=INK, lw=0.8, label=labels[0])
+        signal.plot(decay.time, fitted, color=MARK, lw=1.3, label=labels[1])
+        left.plot(decay.time, recorded - fitted, color=INK, lw=0.8)
+    modes = zip(decay.natural_frequencies, decay.damping_ratios, strict=True)
+    signal.set_title("; ".join(f"{f:.3f} Hz, ζ = {zeta:.3g}" for f, zeta in modes), fontsize=11)
+    signal.set_ylabel("response")
+    left.set(xlabel="time [s]", ylabel="residual")
+    signal.legend(frameon=False)
+    for ax in (signal, left):
+        ax.grid(alpha=0.3)
     return fig
 
 

@@ -49,6 +49,11 @@ class Sweep:
         pairs = zip(self.cases, self.outcomes, strict=True)
         return {case.name: outcome.error for case, outcome in pairs if outcome.error}
 
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Key paths that any case changes."""
+        return tuple(dict.fromkeys(path for case in self.cases for path in case.changes))
+
     @cached_property
     def frame(self) -> pd.DataFrame:
         """A row for each case: machine, payload, changed values, answers, ``seconds``, ``error``.
@@ -58,7 +63,7 @@ class Sweep:
         """
         import pandas as pd
 
-        paths = dict.fromkeys(path for case in self.cases for path in case.changes)
+        paths = self.paths
         names = dict.fromkeys(name for one in self.outcomes for name in one.answer)
         rows = [
             {
@@ -72,6 +77,12 @@ class Sweep:
             for case, one in zip(self.cases, self.outcomes, strict=True)
         ]
         return pd.DataFrame(rows)
+
+    def plot(self, answer: str = "") -> Any:
+        """Figure of an answer, by default the first, over each number that was changed."""
+        from armdesign import plots
+
+        return plots.sweep_answers(self, answer)
 
 
 def sweep(

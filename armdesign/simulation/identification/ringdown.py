@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,6 +77,8 @@ class Ringdown(ReadOnly):
         singular_values: of the Hankel matrix, largest first: a gap shows how many modes it holds.
         fitted: modes and trend (n, outputs).
         residual: root mean square of what the modes leave of the outputs, relative.
+        time: of the record (n,) [s].
+        response: the record (n, outputs).
     """
 
     __repr__ = short_repr
@@ -90,6 +93,14 @@ class Ringdown(ReadOnly):
     singular_values: Array
     fitted: Array
     residual: float
+    time: Array
+    response: Array
+
+    def plot(self) -> Any:
+        """Figure of the decay, the modes fitted to it, and what they leave of it."""
+        from armdesign import plots
+
+        return plots.ringdown(self)
 
 
 def identify_ringdown(
@@ -155,6 +166,8 @@ def identify_ringdown(
         singular_values=singular,
         fitted=whole - likeliest.left * scale,
         residual=float(np.linalg.norm(likeliest.left) / np.linalg.norm(detrended(signals, trend))),
+        time=np.array(time, dtype=float),
+        response=whole.copy(),
     )
 
 

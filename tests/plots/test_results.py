@@ -1,0 +1,52 @@
+"""Results that draw themselves: what their pictures show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign import plots
+from tests import machines
+from tests.simulation.valves import with_valves
+
+
+def test_a_ringdown_shows_record_fit_and_residual(tmp_path: Path) -> None:
+    time = np.arange(0, 8, 0.02)
+    speed = np.exp(-0.3 * time) * np.cos(2 * np.pi * time)
+    decay = ad.identify_ringdown(time, speed + 0.02 * np.sin(0.3 * time))
+    fig = decay.plot()
+    recorded, fitted = fig.axes[0].lines
+    (left,) = fig.axes[1].lines
+    np.testing.assert_array_equal(recorded.get_xdata(), time)
+    np.testing.assert_allclose(recorded.get_ydata() - fitted.get_ydata(), left.get_ydata())
+    assert f"{decay.natural_frequencies[0]:.3f} Hz" in fig.axes[0].get_title()
+    assert plots.save(fig, tmp_path / "a.svg").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("name", ["paper_1dof", "crossing"])
+def test_gains_are_drawn_at_their_poses(name: str) -> None:
+    machine = with_valves(machines.named(name))
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, 3), damping=0.02)
+    schedule = ad.gain_schedule(bandwidths)
+    fig, alone = schedule.plot(), len(machine.joints) == 1
+    titles = [ax.get_title() for ax in fig.axes[: len(machine.joints)]]
+    assert titles == [f"loop of {joint}" for joint in machine.joints]
+    (drawn,) = fig.axes[0].lines if alone else fig.axes[0].collections
+    values = drawn.get_ydata() if alone else drawn.get_array()
+    np.testing.assert_array_equal(np.sort(values), np.sort(schedule.gains[:, 0]))
+
+
+def test_a_sweep_is_drawn_over_what_changed() -> None:
+    bores = [60.0, 65.0, 70.0]
+    sweep = ad.sweep("paper_1dof", {"cylinder.lift.bore_mm": bores}, points=3)
+    (ax,) = sweep.plot().axes
+    np.testing.assert_array_equal(ax.lines[0].get_xdata(), bores)
+    assert ax.get_ylabel() == "worst_hz"
+    assert sweep.plot("median_hz").axes[0].get_ylabel() == "median_hz"
+    with pytest.raises(ad.ArmDesignError, match='"f1" is none of the sweep; choose from'):
+        sweep.plot("f1")
+    with pytest.raises(ad.ArmDesignError, match="has no change that is a number"):
+        ad.sweep("paper_1dof", points=3).plot()
