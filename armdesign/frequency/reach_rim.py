@@ -18,7 +18,7 @@ from armdesign.machine.machine import Machine
 STARTS = 12  # known places from which the tool is led into a cell
 STEPS = 40  # at most
 STALLED = 0.99  # of what was missed a step before, at which it is given up
-LEANING = 2  # times that joints are looked for which lean against an end
+ROUNDS = 4  # of a step, after which what leans against an end, or would leave a cell, is known
 WITHIN = 1e-4  # of a cell, how far from its border the tool is to be
 DAMPING = 1e-3  # of a cell, motion that a joint's whole range must make at least
 PROBE = 1e-6  # change of a joint [rad, m] by which the slope of a pitch is taken
@@ -66,34 +66,45 @@ def led_into_cells(
     q, left, before = starts.copy(), np.arange(len(starts)), np.full(len(starts), np.inf)
     for _ in range(STEPS):
         place, slope = place_and_slopes(machine, q[left])
-        lacks = np.clip(place, middles[left] - half, middles[left] + half) - place
         beyond, tips = _tipped(machine, q[left], size)
-        error = np.column_stack([lacks, -beyond])
-        missed = np.linalg.norm(error, axis=1)
+        least = np.column_stack([middles[left] - half - place, np.full(len(left), -np.inf)])
+        most = np.column_stack([middles[left] + half - place, -beyond])
+        missed = np.linalg.norm(np.clip(0, least, most), axis=1)
         nearer = (missed > 0) & (missed < STALLED * before[left])
         before[left] = missed
-        left, error = left[nearer], error[nearer]
+        left = left[nearer]
         slopes = np.concatenate([slope, tips[:, None]], axis=1)[nearer] * (high - low)
-        q[left] = np.clip(q[left] + _step(slopes, error, q[left], ranges, size), low, high)
+        way = _step(slopes, least[nearer], most[nearer], q[left], ranges, size)
+        q[left] = np.clip(q[left] + way, low, high)
     return q
 
 
-def _step(slopes: Array, error: Array, q: Array, ranges: Array, size: float) -> Array:
-    """Motion (n, nq) that makes good an error, without the joints that lean against an end.
+def _step(slopes: Array, least: Array, most: Array, q: Array, ranges: Array, size: float) -> Array:
+    """Motion (n, nq) by which places and pitch change by between least and most, if they can.
+
+    What lies between already is free to move as far: along a rim the tool comes nearer to a cell
+    only by going aside. Joints that lean against an end stay there.
 
     Args:
         slopes: of places and pitch by shares of the joint ranges (n, 3, nq).
-        error: what places and pitch lack (n, 3).
+        least: changes (n, 3).
+        most: changes (n, 3).
         q: from where (n, nq).
         ranges: of the joints (nq, 2).
         size: of a cell.
     """
     low, high = ranges.T
     free, way = np.ones(q.shape, dtype=bool), np.zeros_like(q)
-    for _ in range(LEANING + 1):
-        part = slopes * free[:, None]
-        square = part @ part.swapaxes(1, 2) + (DAMPING * size) ** 2 * np.eye(error.shape[1])
-        way = (part.swapaxes(1, 2) @ np.linalg.solve(square, error[..., None]))[..., 0]
+    change = np.zeros_like(least)
+    bound = np.zeros(change.shape, dtype=bool)
+    for _ in range(ROUNDS):
+        ends = np.clip(change, least, most)
+        bound |= ends != change
+        change = np.where(bound, ends, change)
+        part = slopes * free[:, None] * bound[..., None]
+        square = part @ part.swapaxes(1, 2) + (DAMPING * size) ** 2 * np.eye(change.shape[1])
+        way = (part.swapaxes(1, 2) @ np.linalg.solve(square, change[..., None]))[..., 0]
+        change = np.where(bound, change, (slopes @ way[..., None])[..., 0])
         free &= ~((q <= low) & (way < 0)) & ~((q >= high) & (way > 0))
     return np.asarray(way * (high - low))
 
@@ -101,7 +112,8 @@ def _step(slopes: Array, error: Array, q: Array, ranges: Array, size: float) -> 
 def _tipped(machine: Machine, q: Array, size: float) -> tuple[Array, Array]:
     """Angle by which a load case's link is out of its pitch range (n,), and its slopes (n, nq).
 
-    An angle of one radian counts as a cell's size, in which places are measured.
+    An angle of one radian counts as a cell's size, in which places are measured. Within the range
+    the angle is negative and has no slopes.
     """
 
     def excess(poses: Array) -> Array:
@@ -111,4 +123,4 @@ def _tipped(machine: Machine, q: Array, size: float) -> tuple[Array, Array]:
     tipped = beyond > 0
     for joint, probe in enumerate(PROBE * np.eye(q.shape[1])) if tipped.any() else ():
         slopes[tipped, joint] = (excess(q[tipped] + probe) - beyond[tipped]) / PROBE
-    return np.maximum(beyond, 0.0) * size, slopes * size
+    return beyond * size, slopes * size
