@@ -6,17 +6,13 @@ from functools import partial
 
 from armdesign.errors import ArmDesignError
 from armdesign.option_values import drawn_pose, loaded
-from armdesign.options import FormatOption, NewArgument, PayloadOption, PictureFormat, PoseOption
+from armdesign.options import NewArgument, PayloadOption, PoseOption
 from armdesign.runs import OfMachine, command
 
 
 @command
 def draw(
-    run: OfMachine,
-    new: NewArgument = "",
-    pose: PoseOption = "",
-    payload: PayloadOption = "",
-    format: FormatOption = PictureFormat.png,
+    run: OfMachine, new: NewArgument = "", pose: PoseOption = "", payload: PayloadOption = ""
 ) -> None:
     """Draw a machine to scale from the side, or two over each other.
 
@@ -50,5 +46,5 @@ def draw(
             pictures["modes"] = plots.mode_shapes(model, q)
     with run.writing(out) as folder:
         for name, fig in pictures.items():
-            plots.save(fig, folder / f"{name}.{format.value}")
+            plots.save(fig, folder / f"{name}.png")
     run.refuse(wrong)

@@ -299,7 +299,9 @@ class PictureFormat(StrEnum):
     pdf = "pdf"
 
 
-FormatOption = Annotated[PictureFormat, typer.Option("--format", help="Of the pictures.")]
+PicturesOption = Annotated[
+    PictureFormat, typer.Option("--pictures", help="Pictures in this format too, beside the PNG.")
+]
 StudyArgument = Annotated[
     Path, typer.Argument(help="A .toml file: machines, what changes in them, and the task.")
 ]

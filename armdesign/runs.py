@@ -29,6 +29,8 @@ from armdesign.options import (
     NominalOption,
     OutOption,
     OutsideOption,
+    PictureFormat,
+    PicturesOption,
     PointsOption,
     QuietOption,
     SeedOption,
@@ -50,7 +52,7 @@ if TYPE_CHECKING:
     from armdesign.report.sheet import Sheet
 
 Command = Callable[..., None]
-SHOWING = ("quiet", "json")  # options that decide no answer
+SHOWING = ("quiet", "json", "pictures")  # options that decide no answer
 
 
 def command(function: Command) -> Command:
@@ -205,9 +207,11 @@ class Run(Shown):
 
     Attributes:
         out: folder for them; None: one named after the command and what it reads.
+        pictures: format of pictures, which are there as PNG, too.
     """
 
     out: OutOption = None
+    pictures: PicturesOption = PictureFormat.png
 
     def origin(self, *groups: Any, **more: Any) -> Origin:
         """Date and words of the command, with all options that decide its answer."""
@@ -243,6 +247,14 @@ class Run(Shown):
             pieces_were = "piece was" if pieces.answered == 1 else "pieces were"
             sentence = f"{pieces.answered} {pieces_were} finished before, by an interrupted run"
             tell(f"armdesign: {sentence}", sys.stderr)
+
+    @contextmanager
+    def writing(self, folder: Path) -> Iterator[Path]:
+        """As of a command that shows something, with pictures in the format that is asked for."""
+        from armdesign.plots.canvas import saving_as
+
+        with saving_as(self.pictures.value), super().writing(folder) as place:
+            yield place
 
     def folder(self, *sources: str | Path) -> Path:
         """Folder for the files, which can be written: ``out/<command>_<machine>`` by default."""

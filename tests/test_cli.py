@@ -20,7 +20,7 @@ from tests.commands import COMMANDS, QUICK, areas_of, assert_one_line, main, map
 
 OTHERS = {  # and what they take
     "check": ["--out", "--points", "--units"],
-    "draw": ["--pose", "--payload", "--out", "--format"],
+    "draw": ["--pose", "--payload", "--out", "--pictures"],
     "compare": ["--out", "--points", "--units"],
     "new": ["--out", "--links"],
     "sensitivity": ["--out", "--points", "--units"],

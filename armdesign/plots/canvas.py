@@ -9,7 +9,9 @@ import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -39,6 +41,7 @@ STYLES = (("--", INK), ("-", MARK), ("-.", COMPUTED), (":", CYLINDER))  # one ma
 
 WIDTH = 10.0  # [in] of every figure, so that words are of one size wherever two stand together
 FORMATS = ("png", "svg", "pdf")
+_too = ContextVar("format in which a PNG is written, too", default="png")
 DOTS = 150  # per inch of a picture
 STYLE = {
     "font.family": "sans-serif",
@@ -153,12 +156,24 @@ def choose_font_cache() -> None:
         raise ArmDesignError("matplotlib", fault, remedy) from None
 
 
+@contextmanager
+def saving_as(format: str) -> Iterator[None]:
+    """Context in which ``save`` writes a PNG in that format, too."""
+    before = _too.set(format)
+    try:
+        yield
+    finally:
+        _too.reset(before)
+
+
 def save(fig: Any, path: Path) -> Path:
     """Write a figure as PNG, SVG or PDF, as the suffix says; the same figure, the same file.
 
     Raises:
         ArmDesignError: another suffix.
     """
+    if path.suffix == ".png" and _too.get() != "png":
+        save(fig, path.with_suffix(f".{_too.get()}"))
     kind = path.suffix.removeprefix(".").lower()
     if kind not in FORMATS:
         fault = f'"{path.suffix}" is no format of pictures'

@@ -145,10 +145,10 @@ def test_draw_writes_its_pictures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["draw", "paper_1dof", "--pose", "boom=10", "--format", "svg"], monkeypatch) == 0
+    assert main(["draw", "paper_1dof", "--pose", "boom=10", "--pictures", "svg"], monkeypatch) == 0
     assert {path.name for path in (tmp_path / "out/draw_paper_1dof").iterdir()} == {
-        "machine.svg",
-        "modes.svg",
+        *("machine.png", "machine.svg"),
+        *("modes.png", "modes.svg"),
     }
     assert "boom 10.0°" in (tmp_path / "out/draw_paper_1dof/machine.svg").read_text()
     assert main(["draw", "paper_1dof", "paper_1dof", "--out", "two"], monkeypatch) == 0
