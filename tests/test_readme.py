@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -38,6 +39,38 @@ def test_two_commands_do_all_the_set_up() -> None:
     assert len(commands) == 2
     assert "armdesign design excavator_20t" in commands[0]
     assert "pytest" in commands[1]
+
+
+SAME = {  # rows of docs/validation.json, which a test computes afresh, by rows of the README
+    "mass on a 4/2.5/12 in cylinder, 1000 lb": ["mass on a 4/2.5/12 in cylinder, 1000 lb"],
+    "worst pose of the 20 t machine; with rigid structure": [
+        "worst pose of the 20 t machine",
+        "the same with rigid structure",
+    ],
+    "measured: PATU 655, six poses": [
+        "measured crane, data sheet alone: error",
+        "measured crane, one number fitted: error",
+        "measured crane, two numbers fitted: error",
+    ],
+}
+
+
+def numbers(text: str) -> list[str]:
+    return re.findall(r"[-+]?\d+(?:\.\d+)?", text.replace("−", "-"))
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_its_validation_is_that_of_the_documentation(name: str) -> None:
+    """To the digits that it states."""
+    file = Path(__file__).parents[1] / "docs" / "validation.json"
+    computed = {row[0]: row[3] for row in json.loads(file.read_text("utf-8"))}
+    (row,) = (line for line in README.splitlines() if line.startswith(f"| {name} |"))
+    shown = numbers(row.split(" | ")[3])
+    exact = [float(value) for one in SAME[name] for value in numbers(computed[one])]
+    assert len(shown) == len(exact)
+    for text, value in zip(shown, exact, strict=True):
+        digits = len(text.partition(".")[2])
+        assert float(text) == round(value, digits)
 
 
 def test_files_it_names_exist() -> None:

@@ -234,6 +234,18 @@ def test_provenance_hashes_the_files_as_they_are_on_disk() -> None:
     assert rows["options"] == "points = not given"
 
 
+@pytest.mark.slow
+def test_the_report_of_a_design_hashes_the_files_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["design", "paper_1dof", "--points", "5", "--out", str(tmp_path)]
+    assert main(words, monkeypatch) == 0
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for name in ("paper_1dof_optimized.toml", "paper_1dof.urdf"):
+        digest = hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+        assert f"{name}, SHA-256 {digest}" in text
+
+
 def test_a_report_survives_its_file() -> None:
     origin = Origin.begin("armdesign map x", {})
     frequencies = two_joints()

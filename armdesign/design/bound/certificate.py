@@ -37,9 +37,9 @@ from armdesign.design.program.constraints import (
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import (
     bound_of_moving_mass,
-    certificate,
     contradicted,
     dual_bound,
+    exact_certificate,
     padded,
     programme,
 )
@@ -91,7 +91,7 @@ def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, 
             break
         of_chords = dual_bound(step, base[chosen], slopes[:, chosen], *room)
         moving = bound_of_moving_mass(
-            of_chords, near / search.reference, certificate(step), light[chosen]
+            of_chords, near / search.reference, exact_certificate(step), light[chosen]
         )
         bound = min(bound, moving)
         lowest = np.linalg.eigvalsh(base + np.einsum("vnij,v->nij", slopes, step.change))[:, 0]

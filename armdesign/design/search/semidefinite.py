@@ -7,8 +7,10 @@ reference.
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
@@ -130,6 +132,28 @@ def certificate(step: ProgrammeStep) -> Array:
     return np.asarray(weights / np.trace(weights, axis1=1, axis2=2).sum())
 
 
+def exact_certificate(step: ProgrammeStep) -> Any:
+    """Multipliers as ``certificate``, as fractions (n, nq, nq) that meet both to the last bit.
+
+    Z_j = R_j R_jᵀ over the sum of all their traces, where R_j is as near as floats come to a root
+    of the solver's multipliers.
+    """
+    size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
+    roots = exactly(vectors * np.sqrt(np.maximum(size, 0.0))[:, None, :])
+    weights = roots @ np.swapaxes(roots, 1, 2)
+    return weights / np.trace(weights, axis1=1, axis2=2).sum()
+
+
+def exactly(values: Array) -> Any:
+    """The numbers of an array as the fractions that floats are."""
+    return np.frompyfunc(Fraction, 1, 1)(values)
+
+
+def rounded_up(number: Fraction) -> float:
+    """A float that is no less than a fraction."""
+    return math.nextafter(float(number), math.inf)
+
+
 def dual_bound(
     step: ProgrammeStep,
     base: Array,
@@ -143,23 +167,27 @@ def dual_bound(
 
     For any weights Z_j ⪰ 0 with Σ tr Z_j = 1 and y ≥ 0, weak duality gives
     λ ≤ max over the box of Σ ⟨Z_j, A_j + Σ x_v B_jv⟩ + y·(c + C x), which is linear in x. The
-    solver's multipliers, made to meet the signs and the trace, are such weights.
+    solver's multipliers, made to meet the signs and the trace, are such weights. All of it is
+    computed in fractions, which floats are, and rounded up at the end.
     """
-    weights = certificate(step)
-    constant = np.einsum("nij,nij->", weights, base) + step.multipliers @ value
-    slope = np.einsum("nij,vnij->v", weights, slopes) + step.multipliers @ jacobian
-    return float(constant + np.maximum(slope * low, slope * high).sum())
+    weights, multipliers = exact_certificate(step), exactly(step.multipliers)
+    constant = (weights * exactly(base)).sum() + multipliers @ exactly(value)
+    slope = (weights * exactly(slopes)).sum(axis=(1, 2, 3)) + multipliers @ exactly(jacobian)
+    ends = np.maximum(slope * exactly(low), slope * exactly(high))
+    return rounded_up(constant + ends.sum())
 
 
-def bound_of_moving_mass(bound: float, reached: float, weights: Array, light: Array) -> float:
+def bound_of_moving_mass(bound: float, reached: float, weights: Any, light: Array) -> float:
     """An upper bound on λ where M depends on x too, from one near a λ that is ``reached``.
 
     Let L⁻¹(K − reached·(M − M0))L⁻ᵀ in the frame of M0 = L Lᵀ stand for K, and ``bound`` ≥ Σ ⟨Z_j,
     that⟩ for all x. Where λ(x) > reached, 0 ≤ Σ ⟨Z_j, L⁻¹(K − λ M)L⁻ᵀ⟩ ≤ bound − reached − (λ −
     reached) Σ ⟨Z_j, L⁻¹M L⁻ᵀ⟩, and M is never less than without own masses: L⁻¹M L⁻ᵀ ⪰ ``light``
-    (n, nq, nq), the identity where M does not depend on x.
+    (n, nq, nq), the identity where M does not depend on x. ``weights`` are fractions, and the sum
+    is rounded up.
     """
-    return reached + max(bound - reached, 0.0) / float(np.einsum("nij,nij->", weights, light))
+    gain = max(Fraction(bound) - Fraction(reached), Fraction(0))
+    return rounded_up(Fraction(reached) + gain / (weights * exactly(light)).sum())
 
 
 def contradicted(bound: float, reached: float) -> bool:
