@@ -23,11 +23,9 @@ SPRINGS = ("on a spring", "on a sliding spring")
 KINDS = (*CYLINDERS, "motor", *SPRINGS)
 LIMIT = 0.12  # [rad, m] of every joint, either way
 POSES = 3
+NO_ROOM = "no room"
 # what random pins may do; other refusals are faults
-UNLUCKY = (
-    *("dead centre", "cannot close", "does not close", "turns back", "leave a direction of"),
-    *("no room", "open"),
-)
+UNLUCKY = ("at its dead centre", "opens at", "leave a direction of motion free", NO_ROOM)
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,7 @@ def _poses(machine: Machine, rng: np.random.Generator) -> np.ndarray:
     arms = machine.evaluate(machine.arm.kinematics(q)).moment_arms[:, :, : len(low)]
     q = q[np.linalg.svd(arms, compute_uv=False)[:, -1] > 0.01][:POSES]
     if len(q) < POSES:
-        raise ArmDesignError("machine", "no room", "")
+        raise ArmDesignError("machine", NO_ROOM)
     machine.at(q)
     return q
 

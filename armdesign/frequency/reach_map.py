@@ -190,7 +190,8 @@ class _Between:
     def _to_corners(self, q: Array, points: Array, cells: tuple[Array, Array]) -> Array:
         """Poses moved so that the tool is at the corners of its cell (Newton, slopes kept).
 
-        Joints at an end stay there, and poses on a pitch limit stay on it.
+        Joints at an end stay there, and poses on a pitch limit stay on it. Where too few are left
+        to bring the tool to a corner, one of those at an end leaves it, each in turn.
         """
         low, high = self.ranges.T
         size = np.array([axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in cells])
@@ -199,10 +200,12 @@ class _Between:
         )
         corners = middles[:, None] + (0.5 - ASIDE) * size * np.array(CORNERS)
         on_limit = np.abs(self._tip(q)) < 1e-6
+        which, free = _freed((q > low) & (q < high), 2 + on_limit)
+        q, corners, on_limit = q[which], corners[which], on_limit[which]
         moved = []
         for rows, held in ((~on_limit, None), (on_limit, self.machine.payload)):
             value, slope = place_and_pitch(self.machine, q[rows], held)
-            room = ((high - low) * ((q[rows] > low) & (q[rows] < high)))[:, None]
+            room = ((high - low) * free[rows])[:, None]
             motion = np.repeat(np.linalg.pinv(slope * room, rcond=1e-6), len(CORNERS), axis=0)
             motion *= np.repeat(room, len(CORNERS), axis=0).swapaxes(1, 2)
             goal, at = (np.repeat(each, len(CORNERS), axis=0) for each in (value, value))
@@ -318,6 +321,20 @@ def _lowest_of_cells(points: Array, reach: Array, height: Array) -> Array:
 def _cell(points: Array, reach: Array, height: Array) -> Array:
     """Number of the cell in which each of the points (reach, height, …) lies (n,)."""
     return nearest(reach, points[:, 0]) * len(height) + nearest(height, points[:, 1])
+
+
+def _freed(free: Flags, needed: Array) -> tuple[Array, Flags]:
+    """Indices of poses (m,) and which of their joints are free to move (m, nq).
+
+    Every pose once with the joints that are ``free`` (n, nq); where these are fewer than
+    ``needed`` (n,), again with each of its other joints.
+    """
+    few = free.sum(axis=1) < needed
+    which, freed = [np.arange(len(free))], [free]
+    for joint, own in enumerate(np.eye(free.shape[1], dtype=bool)):
+        which.append(np.flatnonzero(few & ~free[:, joint]))
+        freed.append(free[which[-1]] | own)
+    return np.concatenate(which), np.concatenate(freed)
 
 
 def _crossings(start: Array, end: Array, at_start: Array, at_end: Array) -> Array:
