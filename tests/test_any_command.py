@@ -246,5 +246,5 @@ TestCommandLines = CommandLines.TestCase
 TestCommandLines.settings = settings(max_examples=2, stateful_step_count=5)
 TestLongCommandLines = pytest.mark.slow(LongCommandLines.TestCase)
 TestLongCommandLines.settings = settings(
-    max_examples=settings.default.max_examples // 12, stateful_step_count=10
+    max_examples=settings.default.max_examples // 20, stateful_step_count=10
 )

@@ -86,7 +86,7 @@ class Sweep:
 
 
 def sweep(
-    machine: Machine | str | Sequence[Machine | str],
+    machine: Machine | str | Path | Sequence[Machine | str | Path],
     changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None = None,
     task: str | Task = "map",
     *,
@@ -212,13 +212,15 @@ class _Run:
         self.say(f"a worker died; again: {case.name}")
 
 
-def _machines(machine: Machine | str | Sequence[Machine | str]) -> dict[str, Machine]:
+def _machines(
+    machine: Machine | str | Path | Sequence[Machine | str | Path],
+) -> dict[str, Machine]:
     """Machines by their names.
 
     Raises:
         ArmDesignError: none, or two of one name.
     """
-    several = [machine] if isinstance(machine, Machine | str) else list(machine)
+    several = [machine] if isinstance(machine, Machine | str | Path) else list(machine)
     loaded = [one if isinstance(one, Machine) else load(one) for one in several]
     named = {one.name: one for one in loaded}
     if not named or len(named) < len(loaded):

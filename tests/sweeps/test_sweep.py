@@ -83,6 +83,13 @@ def test_a_case_that_kills_its_worker_is_tried_again_by_name(tmp_path: Path) -> 
         assert len(journal.entries()) == 3  # the next run tries it again
 
 
+def test_a_machine_may_be_given_by_its_path() -> None:
+    source = ad.load("paper_1dof").source
+    frames = [ad.sweep(one, points=3).frame for one in (source, str(source), [source])]
+    for frame in frames:
+        assert frame["worst_hz"].tolist() == frames[0]["worst_hz"].tolist()
+
+
 def test_load_cases_and_requirements_multiply() -> None:
     rules = [{"lift_share": 0.9}, {"lift_share": 0.5}]
     frame = ad.sweep("paper_1dof", MODULI, modulus, payloads=["load"], requirements=rules).frame
