@@ -303,7 +303,7 @@ class PlannedSweep:
 
 
 class Wanted(NamedTuple):
-    """What is asked for at every pose."""
+    """Cylinders and amplitude of the sweeps at every pose; None: all of them, chosen."""
 
     cylinders: Sequence[str] | None = None
     amplitude: float | None = None

@@ -90,7 +90,7 @@ def polynomials(length: int, degree: int) -> Array:
 
 
 def detrended(values: Array, degree: int) -> Array:
-    """What a polynomial of time leaves of values (n, ·), by least squares."""
+    """Values (n, ·) less a polynomial of time, by least squares."""
     slow = np.linalg.qr(polynomials(len(values), degree))[0]
     return np.asarray(values - slow @ (slow.T @ values))
 
@@ -243,7 +243,7 @@ def _slopes(roots: Array, now: BestShapes, noise: Noise) -> Array:
 def _with_covariance(
     signals: Array, roots: Array, noise: Noise, now: BestShapes, slopes: Array
 ) -> Refined:
-    """How certain the roots are: noise of the size that is left of each output."""
+    """Roots and their covariance, by noise of the size that is left of each output."""
     length, order = len(signals), np.argsort(np.abs(roots))
     variance = np.sum(now.left**2, axis=0) / max(
         length - 2 * len(roots) - len(noise.colour) - noise.trend - 1, 1
