@@ -139,6 +139,7 @@ def test_designs_are_for_the_bands_of_the_file(
     assert f"the new machine was designed for the {made_for}" in printed
 
 
+@pytest.mark.slow
 def test_a_map_is_written_and_its_worst_frequency_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

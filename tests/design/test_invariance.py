@@ -93,6 +93,7 @@ def test_start(seed: int) -> None:
     assert max(reached) == pytest.approx(gain(best(seed)), rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(
     "setting", ["oil_total_share", "oil_each_share", "thrust_share", "pin_box"]

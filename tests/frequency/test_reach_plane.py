@@ -45,6 +45,7 @@ def test_one_joint_reaches_no_plane() -> None:
         ad.Workspace.reach_plane(machines.named("paper_1dof"))
 
 
+@pytest.mark.slow
 def test_the_reach_plane_holds_the_worst_way_to_each_cell() -> None:
     """Brute force of the family of poses that bring the tool to a cell's middle: stick and boom of
     every bucket angle.

@@ -223,6 +223,7 @@ def test_limits_in_degrees(name: str, joint: str) -> None:
     assert [float(words[1]), float(words[2])] == pytest.approx([at.lower, at.upper], abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "joint"), DRIVEN)
 def test_a_reversed_axis(name: str, joint: str) -> None:
     """Named first, with the axis that is right and its line, whether the machine can be used or

@@ -24,6 +24,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bands", "ends", "words"), CASES)
 def test_a_map_shows_the_ends_of_the_bands(bands: str, ends: tuple[str, str], words: str) -> None:
     machine = machine_with(ad.load("excavator_20t"), bands)

@@ -41,6 +41,7 @@ RESULTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESULTS)
 def test_results_are_shown_escaped_with_a_picture(name: str) -> None:
     shown = RESULTS[name]()._repr_html_()  # type: ignore[operator]

@@ -60,6 +60,7 @@ def test_a_point_lies_on_the_resonance(worst: Validation) -> None:
         assert magnitude.argmax() == np.abs(frequency - run.identified_frequency).argmin()
 
 
+@pytest.mark.slow
 def test_worst_pose_agrees(worst: Validation) -> None:
     """The aim is 0.3 %; reached 0.02 %.
 

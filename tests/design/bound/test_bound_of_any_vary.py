@@ -231,6 +231,7 @@ def machine() -> Machine:
     return named("paper_1dof")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [0.0, 5.0, math.nan])
 def test_a_design_states_no_bound_below_itself(
     machine: Machine, wrong: float, monkeypatch: pytest.MonkeyPatch
