@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import armdesign as ad
@@ -52,7 +54,9 @@ def test_simulations_say_how_many_runs_are_over(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(progress, "_at_work", [Work("simulating", said.append)])
     machine = ad.load("paper_1dof")
     validation = ad.validate(machine, workspace=ad.Workspace.grid(machine, 3))
-    rounds = [int(words.split()[2]) for words in said if words.startswith("simulating, run ")]
-    assert f", run 1 of {len(validation.runs)}" in said[0]
-    assert rounds == sorted(rounds)
-    assert len(set(rounds)) > 1
+    parts = [re.match(r"simulating, pose (\d) of 3(?:, run (\d) of (\d))?", one) for one in said]
+    rounds = [(int(part[1]), int(part[2] or 0)) for part in parts if part]
+    assert len(rounds) == len(said)
+    assert sum(int(part[3]) for part in parts if part and part[2] == "1") == len(validation.runs)
+    assert rounds[:-1] == sorted(rounds[:-1])
+    assert {pose for pose, _ in rounds} == {1, 2, 3}
