@@ -54,7 +54,8 @@ def stacked(parts: Iterable[T], count: int) -> T:
     """
     parts = iter(parts)
     part = next(parts)
-    values: dict[str, Any] = {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
+    names = [field.name for field in fields(part)]  # type: ignore[arg-type]
+    values: dict[str, Any] = {name: getattr(part, name) for name in names}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     row = len(next(iter(arrays.values())))
     if row == count:

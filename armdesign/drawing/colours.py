@@ -1,8 +1,8 @@
 """Colours of parts: the same for the same actuator in every picture, page and scene.
 
-Of Okabe and Ito's set (Color Universal Design, 2008), which people with any common colour
-blindness tell apart; its yellow is left out, too light for lines on white, and its vermilion
-comes last, because red marks what is wrong or worst.
+Okabe and Ito's set (Color Universal Design, 2008), which people with any common colour blindness
+tell apart, with a brown in place of its yellow, too light for lines on white; its vermilion comes
+last, because red marks what is wrong or worst. A test measures how far apart they are.
 """
 
 from __future__ import annotations

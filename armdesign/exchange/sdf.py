@@ -17,10 +17,10 @@ from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.visuals import Visual, visuals
 from armdesign.exchange.cylinder_bodies import Body, cylinder_bodies
-from armdesign.exchange.urdf import centre, folder_of, urdf, words
+from armdesign.exchange.urdf import centre, folder_of, urdf
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.urdf import roll_pitch_yaw, rotations
+from armdesign.mechanism.urdf import attribute, roll_pitch_yaw, rotations
 from armdesign.mechanism.urdf_faults import numbers
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
 
 def _add_inertial(link: ET.Element, mass: float, frame: Array, moments: list[float]) -> None:
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "pose").text = words(frame)
+    ET.SubElement(inertial, "pose").text = attribute(frame)
     ET.SubElement(inertial, "mass").text = repr(mass)
     inertia = ET.SubElement(inertial, "inertia")
     for key, value in zip(MOMENTS, moments, strict=True):
@@ -95,10 +95,10 @@ def _add_visual(link: ET.Element, name: str, visual: Visual) -> None:
     _add_pose(element, visual.translation, visual.rotation)
     shape = ET.SubElement(ET.SubElement(element, "geometry"), visual.kind)
     if visual.kind == "box":
-        ET.SubElement(shape, "size").text = words(visual.size)
+        ET.SubElement(shape, "size").text = attribute(visual.size)
     elif visual.kind == "mesh":
         ET.SubElement(shape, "uri").text = str(visual.mesh)
-        ET.SubElement(shape, "scale").text = words(visual.size)
+        ET.SubElement(shape, "scale").text = attribute(visual.size)
     else:
         for key, value in zip(("radius", "length"), visual.size, strict=False):
             ET.SubElement(shape, key).text = repr(float(value))
@@ -115,7 +115,7 @@ def _add_colour(element: ET.Element, colour: tuple[float, ...]) -> None:
 def _add_pose(element: ET.Element, place: Array, rotation: Array, relative_to: str = "") -> None:
     attributes = {"relative_to": relative_to} if relative_to else {}
     pose = ET.SubElement(element, "pose", attributes)
-    pose.text = words([*place, *roll_pitch_yaw(rotation)])
+    pose.text = attribute([*place, *roll_pitch_yaw(rotation)])
 
 
 # ------------------------------------------------------------------------------------------ joints
@@ -161,7 +161,7 @@ def _add_axis(
 ) -> None:
     """Axis of a joint in its own frame, which stands at the child's, with its limits."""
     element = ET.SubElement(joint, "axis")
-    ET.SubElement(element, "xyz").text = words(np.asarray(axis, dtype=float))
+    ET.SubElement(element, "xyz").text = attribute(np.asarray(axis, dtype=float))
     if limits is not None:
         limit = ET.SubElement(element, "limit")
         for key, value in zip(("lower", "upper"), limits, strict=True):
@@ -196,7 +196,7 @@ def _add_body(model: ET.Element, body: Body) -> None:
     if body.closes is not None:
         # a ball: a hinge more in a loop that is closed already would hold it twice
         joint = _joint(model, f"{body.name}_end", "ball", body.closes, body.name)
-        ET.SubElement(joint, "pose").text = words([*body.end, 0.0, 0.0, 0.0])
+        ET.SubElement(joint, "pose").text = attribute([*body.end, 0.0, 0.0, 0.0])
 
 
 def _rotation(roll: float, pitch: float, yaw: float) -> Array:

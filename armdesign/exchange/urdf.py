@@ -18,6 +18,7 @@ from armdesign.arrays import Array
 from armdesign.drawing.visuals import mesh_file
 from armdesign.exchange.cylinder_bodies import Body, cylinder_bodies
 from armdesign.machine.poses import joint_positions
+from armdesign.mechanism.urdf import attribute
 from armdesign.mechanism.urdf_faults import MOVABLE
 from armdesign.units import mm
 
@@ -108,7 +109,7 @@ def _add_boxes(machine: Machine, robot: ET.Element) -> None:
         edges = link.box_mm or [length, length * THIN, length * THIN]
         if all(edges):
             middle = (link.centre_mm if link.box_mm else None) or [length / 2, 0.0, 0.0]
-            shape = ET.Element("box", size=words(edge * mm for edge in edges))
+            shape = ET.Element("box", size=attribute(edge * mm for edge in edges))
             add_visual(element, shape, (x * mm for x in middle), (0.0, 0.0, 0.0), PAINT)
 
 
@@ -119,9 +120,10 @@ def _add_limits(machine: Machine, robot: ET.Element) -> None:
     figures: dict[str, tuple[float, float]] = {}
     for one in performances(machine):
         speed = one.speed[np.isfinite(one.speed)]
-        own = float(one.largest.max()), float(speed.max(initial=0.0))
         name = machine.joints[one.joint]
-        figures[name] = tuple(map(max, own, figures.get(name, (0.0, 0.0))))  # type: ignore[assignment]
+        effort, fastest = figures.get(name, (0.0, 0.0))
+        own_speed = float(speed.max(initial=0.0))
+        figures[name] = max(float(one.largest.max()), effort), max(own_speed, fastest)
     for joint in robot.findall("joint"):
         if (limit := joint.find("limit")) is not None:
             effort, velocity = figures.get(str(joint.get("name")), (0.0, 0.0))
@@ -133,7 +135,7 @@ def _add_link(robot: ET.Element, body: Body) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
     if body.mass > 0:
         inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=words(centre(body)), rpy="0 0 0")
+        ET.SubElement(inertial, "origin", xyz=attribute(centre(body)), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=repr(body.mass))
         across = repr(body.mass * (body.bar[1] - body.bar[0]) ** 2 / 12)
         products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
@@ -149,8 +151,8 @@ def _add_joint(robot: ET.Element, body: Body) -> None:
     joint = ET.SubElement(robot, "joint", name=body.name, type=body.kind)
     ET.SubElement(joint, "parent", link=body.parent)
     ET.SubElement(joint, "child", link=body.name)
-    ET.SubElement(joint, "origin", xyz=words(body.place), rpy=words(body.turn))
-    ET.SubElement(joint, "axis", xyz=words(body.axis))
+    ET.SubElement(joint, "origin", xyz=attribute(body.place), rpy=attribute(body.turn))
+    ET.SubElement(joint, "axis", xyz=attribute(body.axis))
     if body.limits is not None:
         lower, upper = map(repr, body.limits)
         ET.SubElement(joint, "limit", lower=lower, upper=upper, effort="0", velocity="0")
@@ -170,13 +172,8 @@ def add_visual(
 ) -> None:
     """Give a link a visual of a shape at a place [m], in a colour."""
     visual = ET.SubElement(link, "visual")
-    ET.SubElement(visual, "origin", xyz=words(xyz), rpy=words(rpy))
+    ET.SubElement(visual, "origin", xyz=attribute(xyz), rpy=attribute(rpy))
     ET.SubElement(visual, "geometry").append(shape)
     rgba = " ".join(f"{x:g}" for x in colour)
     material = ET.SubElement(visual, "material", name=f"rgba {rgba}")
     ET.SubElement(material, "color", rgba=rgba)
-
-
-def words(values: Iterable[float]) -> str:
-    """Numbers as attributes have them, exact."""
-    return " ".join(repr(float(x)) for x in values)

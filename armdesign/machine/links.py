@@ -7,9 +7,10 @@ mass in the middle of the link's own, the inertia of a box or of a slender bar.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from armdesign.machine.file.links import LinkSection
+from armdesign.mechanism.urdf import attribute
 from armdesign.units import deg, mm
 
 AXES = {"prismatic": (1.0, 0.0, 0.0)}  # of joints without axis; of others RAISES
@@ -60,7 +61,7 @@ def place(link: LinkSection, parent: LinkSection) -> tuple[float, ...]:
 
 def _add_inertial(element: ET.Element, link: LinkSection) -> None:
     inertial = ET.SubElement(element, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_words(centre(link)), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", xyz=attribute(centre(link)), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=repr(float(link.mass_kg)))
     moments = zip(INERTIAS, inertia(link), strict=True)
     ET.SubElement(inertial, "inertia", {key: repr(float(value)) for key, value in moments})
@@ -70,11 +71,11 @@ def _add_joint(robot: ET.Element, name: str, link: LinkSection, parent: LinkSect
     joint = ET.SubElement(robot, "joint", name=joint_of(name, link), type=link.kind)
     ET.SubElement(joint, "parent", link=str(link.parent))
     ET.SubElement(joint, "child", link=name)
-    turn = _words(angle * deg for angle in link.turn_deg or (0.0, 0.0, 0.0))
-    ET.SubElement(joint, "origin", xyz=_words(place(link, parent)), rpy=turn)
+    turn = attribute(angle * deg for angle in link.turn_deg or (0.0, 0.0, 0.0))
+    ET.SubElement(joint, "origin", xyz=attribute(place(link, parent)), rpy=turn)
     if link.kind == "fixed":
         return
-    ET.SubElement(joint, "axis", xyz=_words(link.axis or AXES.get(link.kind, RAISES)))
+    ET.SubElement(joint, "axis", xyz=attribute(link.axis or AXES.get(link.kind, RAISES)))
     if (limits := limits_of(link)) is not None:
         ends = {end: repr(x) for end, x in zip(("lower", "upper"), limits, strict=True)}
         ET.SubElement(joint, "limit", ends | {"effort": "0", "velocity": "0"})
@@ -84,7 +85,3 @@ def limits_of(link: LinkSection) -> tuple[float, float] | None:
     """Limits of a link's joint [rad or m]; None where it has none."""
     unit, given = (mm, link.limits_mm) if link.kind == "prismatic" else (deg, link.limits_deg)
     return None if given is None else (given[0] * unit, given[1] * unit)
-
-
-def _words(values: Iterable[float]) -> str:
-    return " ".join(repr(float(x)) for x in values)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,8 +156,8 @@ def _fix(joint: ET.Element, value: float) -> None:
     for tag in ("origin", "axis", "limit"):
         for element in joint.findall(tag):
             joint.remove(element)
-    turn = _words(roll_pitch_yaw(rotation))
-    ET.SubElement(joint, "origin", xyz=_words(translation), rpy=turn)
+    turn = attribute(roll_pitch_yaw(rotation))
+    ET.SubElement(joint, "origin", xyz=attribute(translation), rpy=turn)
     joint.set("type", "fixed")
 
 
@@ -165,10 +165,11 @@ def _write_plainly(robot: ET.Element) -> None:
     """Numbers as Pinocchio's parser reads them: it drops a body whose numbers it cannot read."""
     for element in robot.iter():
         for key, default in _DEFAULTS.get(element.tag, {}).items():
-            element.set(key, _words(numbers(element, key, default)))
+            element.set(key, attribute(numbers(element, key, default)))
 
 
-def _words(values: Array) -> str:
+def attribute(values: Iterable[float]) -> str:
+    """Numbers as attributes have them, exact."""
     return " ".join(repr(float(x)) for x in values)
 
 

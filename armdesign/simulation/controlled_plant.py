@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
@@ -85,9 +85,16 @@ class ControlledPlant:
         """The system of some of the cases."""
         rows, machines = list(cases), self.plant.machines
         plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
-        functions = (tuple(of[row] for row in rows) for of in (self.demands, self.breaks))
-        arrays = (of[rows] for of in (self.corners, self.gains, self.places))
-        return ControlledPlant(plant, self.start[rows], *functions, *arrays)  # type: ignore[arg-type]
+        return replace(
+            self,
+            plant=plant,
+            start=self.start[rows],
+            demands=tuple(self.demands[row] for row in rows),
+            breaks=tuple(self.breaks[row] for row in rows),
+            corners=self.corners[rows],
+            gains=self.gains[rows],
+            places=self.places[rows],
+        )
 
     @cached_property
     def _corrects(self) -> bool:

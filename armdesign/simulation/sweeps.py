@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -124,9 +125,9 @@ def with_remarks(group: Sequence[Run | Failure], creeps: bool = False) -> list[R
     smooth, rough = group[:2], group[2:] or (None, None)
     balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, Run))
     remark = _remark([one for one in smooth if isinstance(one, Run)], creeps)
-    words = {"remark": remark if balanced else "energy"}
+    words: dict[str, Any] = {"remark": remark if balanced else "energy"}
     return [
-        dataclasses.replace(one, **words, with_friction=other) if isinstance(one, Run) else one  # type: ignore[arg-type]
+        dataclasses.replace(one, **words, with_friction=other) if isinstance(one, Run) else one
         for one, other in zip(smooth, rough, strict=True)
     ]
 

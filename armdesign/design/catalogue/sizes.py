@@ -25,6 +25,12 @@ FREE = "free"  # in place of a catalogue: real numbers, to 0.1 mm
 OWN = "own"  # pairs that were given
 
 
+CATALOGUES = {  # pairs of bore and rod [mm]; the names of ``requirements.catalogue`` in the schema
+    "iso": [(bore, rod) for bore in ISO_BORES_MM for rod in ISO_RODS_MM if rod < bore],
+    "5mm": [(bore, rod) for bore in range(25, 321, GRID_MM) for rod in range(10, bore, GRID_MM)],
+}
+
+
 @dataclass(frozen=True)
 class DrawingGrid:
     """Steps of a drawing's lengths [mm].
@@ -75,18 +81,13 @@ def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:
     Raises:
         ArmDesignError: an unknown name, or a pair that is no cylinder.
     """
-    if catalogue == "iso":
-        pairs = [(bore, rod) for bore in ISO_BORES_MM for rod in ISO_RODS_MM if rod < bore]
-    elif catalogue == "5mm":
-        pairs = [
-            (bore, rod) for bore in range(25, 321, GRID_MM) for rod in range(10, bore, GRID_MM)
-        ]
-    elif isinstance(catalogue, str):
-        remedy = 'give "iso", "5mm" or pairs of bore and rod'
-        raise ArmDesignError("catalogue", f'"{catalogue:.40}" is not known', remedy)
-    else:
+    if not isinstance(catalogue, str):
         return _own(list(catalogue))
-    return tuple((bore * mm, rod * mm) for bore, rod in pairs)
+    if catalogue not in CATALOGUES:
+        names = ", ".join(f'"{name}"' for name in CATALOGUES)
+        remedy = f"give {names} or pairs of bore and rod"
+        raise ArmDesignError("catalogue", f'"{catalogue:.40}" is not known', remedy)
+    return tuple((bore * mm, rod * mm) for bore, rod in CATALOGUES[catalogue])
 
 
 def _own(pairs: list[Sequence[float]]) -> Sizes:

@@ -89,6 +89,7 @@ class Linkage(Drive):
        each of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
        ``machine/file/json_schema.py`` describes them to editors.
     3. To simulate it, its rod end in ``simulation/plant/kinematics.py``, from ``record``.
+    4. To export it, its bodies in ``exchange/cylinder_bodies.py``.
     """
 
     key: ClassVar[str]  # in the cylinder's table of the machine file
@@ -148,7 +149,8 @@ class Linkage(Drive):
         """The linkage with a pin elsewhere in its link, or a bar of another length [m]."""
         self._refuse_unknown(name)
         pin = self.pin(name)
-        changed: Any = at[0] if pin is None else replace(pin, at=tuple(at))  # type: ignore[arg-type]
+        place: Any = tuple(at)
+        changed: Any = at[0] if pin is None else replace(pin, at=place)
         return replace(self, **{name: changed})
 
     def _refuse_unknown(self, place: str) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign import ArmDesignError
-from armdesign.design.catalogue.sizes import read_sizes, sizes_of
+from armdesign.design.catalogue.sizes import CATALOGUES, read_sizes, sizes_of
+from armdesign.machine.file.schema import RequirementsSection
 from armdesign.units import mm
 from tests.design.designs import double, workspace_of
 
@@ -65,3 +67,8 @@ def test_catalogue_file(tmp_path: Path) -> None:
             read_sizes(tmp_path / "bad.csv")
     with pytest.raises(ArmDesignError, match="cannot be read"):
         read_sizes(tmp_path / "none.csv")
+
+
+def test_the_schema_names_the_catalogues() -> None:
+    (choice, _) = get_args(get_type_hints(RequirementsSection)["catalogue"])
+    assert get_args(choice) == tuple(CATALOGUES)
