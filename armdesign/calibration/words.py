@@ -107,8 +107,9 @@ def _apart(fit: Fit) -> list[str]:
             f"{names[i]} and {names[j]} {verb} (cosine of their effects {cosine:.3f})"
         )
     for deviation, direction in zip(*fit.directions, strict=True):
-        if not math.isfinite(deviation):
-            continue
+        several = (np.abs(direction) >= PART * np.abs(direction).max()).sum() > 1
+        if not math.isfinite(deviation) or not several:
+            continue  # of an unknown alone its own deviation says it
         weak = "cannot be told apart" if deviation > LOOSE else "is known least"
         sentences.append(f"what {weak}: {_direction(fit, names, direction)}")
         break

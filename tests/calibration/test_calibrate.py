@@ -100,6 +100,16 @@ def test_what_no_measurement_depends_on_is_not_claimed() -> None:
 
 
 @pytest.mark.slow
+def test_an_unknown_that_fits_best_at_zero_is_no_weak_direction() -> None:
+    """Ten per cent of nothing change no frequency: that was said to be what is known least."""
+    machine = crane()
+    table = measurements(machine.replace({BETA: 1050.0}), poses(), noise=0.01)
+    found = ad.calibrate(machine, table, [BETA, LIFT, TILT])
+    assert found.values["determined"].to_list() == [True, False, False]
+    assert not any(line.startswith("what ") for line in found.findings)
+
+
+@pytest.mark.slow
 def test_values_that_no_oil_or_structure_has_are_said() -> None:
     """Oil softer than any and a structure ten times as soft as oil fit, but are named."""
     machine = crane()
