@@ -96,10 +96,10 @@ def _all_together(
         parts = len({c.part for c in joined.values()})
         for c in refusal.conflict:
             known, old = joined.get(c.name), before.get(c.name, c)
-            value = c.value
-            if value is not None and c.inverse:  # factors
-                value *= known.value if known and known.value else 1.0
-            elif value is not None:
+            value = known.value if known else None  # a later refusal may ask for no more of it
+            if c.inverse and c.value is not None:  # factors
+                value = c.value * (value or 1.0)
+            elif not c.inverse and (c.value is not None or value is not None):
                 value = granted.setting(c.setting)
             changed = abs(after.get(c.name, c).limit - old.limit)
             joined[c.name] = Concession(
