@@ -30,7 +30,7 @@ def modes_by_pose(modes: Modes, ax: Any = None) -> Any:
         label = ("lowest coupled mode", "higher modes")[mode] if mode < 2 else None
         _by_pose(ax, np.where(frequencies > 0, frequencies, np.nan), color=colour, label=label)
     for k, frequencies in enumerate(modes.locked_frequencies.T):
-        known = np.where(np.isfinite(frequencies), frequencies, np.nan)
+        known = np.where((frequencies > 0) & np.isfinite(frequencies), frequencies, np.nan)
         label = None if k else "one cylinder, the others locked"
         size = 9 if len(known) <= JOINED else 3
         ax.plot(np.arange(len(known)), known, "_", color=INK, ms=size, alpha=0.7, label=label)
