@@ -57,7 +57,7 @@ def _figure(scene: Scene, index: int) -> Any:
         x_axis_label=f"{x.name} [{x.unit}]",
         y_axis_label=f"{y.name} [{y.unit}]" if y else "frequency [Hz]",
         min_border_left=66,
-        toolbar_location="above",
+        toolbar_location="below",
         title=scene.machines[index].label,
     )
     colours = LinearColorMapper(palette=Viridis256, low=0, high=1, name=f"colours-{index}")

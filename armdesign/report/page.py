@@ -17,23 +17,18 @@ from armdesign.report.contents import Picture, Report
 from armdesign.report.interactive import interactive
 from armdesign.report.sheet import Sheet
 
-COLOURS = 40  # of a picture on the page: enough for maps, a third of the size
-WIDE = 1.6  # times the height
+COLOURS = 64  # of a picture on the page: enough for maps, a third of the size
 WIDEST = 1200  # [pixels] of a picture on the page
 PAPER = 95  # letters in a line of a printed table
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
 
 class EmbeddedPicture(NamedTuple):
-    """A picture on the page; no data where the folder lacks its file.
-
-    ``wide``: much wider than high, which phones scroll.
-    """
+    """A picture on the page; no data where the folder lacks its file."""
 
     caption: str
     file: str
     data: str
-    wide: bool = False
 
 
 def page(report: Report, folder: Path) -> str:
@@ -97,9 +92,9 @@ def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
             rgba = image.convert("RGBA")
             plain.paste(rgba, mask=rgba.getchannel("A"))
             plain.thumbnail((WIDEST, 4 * WIDEST))
-            few, stream = plain.quantize(COLOURS), io.BytesIO()
+            few, stream = plain.quantize(COLOURS, Image.Quantize.MAXCOVERAGE), io.BytesIO()
             few.save(stream, format="PNG", optimize=True)
     except (OSError, UnidentifiedImageError):
         return EmbeddedPicture(picture.caption, picture.file, "")
     data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return EmbeddedPicture(picture.caption, picture.file, data, plain.width > WIDE * plain.height)
+    return EmbeddedPicture(picture.caption, picture.file, data)
