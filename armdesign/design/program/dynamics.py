@@ -93,25 +93,28 @@ class Dynamics:
     @cached_property
     def rows(self) -> Rows:
         """Every pose with every load case that exists there, at all corners of the bands."""
-        return self._rows(self.corners.all, self.corners.weights)
+        return self._rows(self.corners.all, weighted=True)
 
     @cached_property
     def nominal_rows(self) -> Rows:
         """Every pose with every load case at the masses of the file, which requirements count."""
         as_in_file = Corner(True, 1.0, 1.0)
-        return self.rows if self.corners.all == [as_in_file] else self._rows([as_in_file], [1.0])
+        return self.rows if self.corners.all == [as_in_file] else self._rows([as_in_file])
 
-    def _rows(self, corners: Sequence[Corner], weights: Sequence[float] | Array) -> Rows:
-        """Pairs of a pose and a load case at corners of the bands, weighted."""
+    def _rows(self, corners: Sequence[Corner], weighted: bool = False) -> Rows:
+        """Pairs of a pose and a load case at corners of the bands, weighted if these count."""
         parts: list[tuple[Array, ...]] = []
-        for corner, (one, weight) in enumerate(zip(corners, weights, strict=True)):
+        for corner, one in enumerate(corners):
             shares = one.payload_share, one.link_share
             springs = self.corners.bands.at_end(self.vector.machine, one.softest).spring_stiffness
             added = np.diag(np.concatenate([np.zeros(len(self.vector.machine.joints)), springs]))
             for case in load_cases(self.vector.bare, self.workspace, *shares):
                 mass, gravity, slope = case.machine.loaded(case.rigid)
-                numbers = (np.full(len(mass), x) for x in (len(parts), corner, float(weight)))
-                parts.append((case.indices, *numbers, weight * mass, gravity, slope + added))
+                numbers = [np.full(len(mass), x) for x in (len(parts), corner, 1.0)]
+                if weighted:
+                    numbers[-1] = self.corners.weight_at(corner, case)
+                    mass = numbers[-1][:, None, None] * mass
+                parts.append((case.indices, *numbers, mass, gravity, slope + added))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def forces_of_nominal(self, forces: Array) -> Array | None:
