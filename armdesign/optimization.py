@@ -2,27 +2,47 @@
 
 Frequencies are what programmes of the design know. The bandwidth of the loops goes with the
 frequency, but not alike at all poses: where a load is held or a valve is slow it is a smaller part
-of it. So frequencies count in proportion to that part, pose by pose, which is renewed at each new
-machine; of all machines on the way the one of the largest least bandwidth is the answer.
+of it, which depends on areas and pins too. So frequencies count in proportion to that part, with
+its slopes by the design vector; both are renewed at each new machine. Of all machines on the way
+the one of the largest least bandwidth is the answer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from armdesign.control.least_bandwidth import bandwidths, emphasis_of, least_bandwidth, sample_of
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.control.least_bandwidth import (
+    Places,
+    bandwidths,
+    least_bandwidth,
+    narrowest,
+    sample_of,
+    spread,
+)
 from armdesign.design.design import Design
 from armdesign.design.optimize import best_frequency
+from armdesign.design.program.corners import Emphasis
+from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
-from armdesign.errors import ArmDesignError
+from armdesign.design.search.file_changes import diameters
+from armdesign.design.search.multistart import OBJECTIVES
+from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
+from armdesign.units import mm
 
-RENEWALS = 3  # of the ratio of bandwidth and frequency
+RENEWALS = 4  # of the emphasis
+FEW = 30  # narrowest poses of each load case, at which slopes of the emphasis are found
+RESERVE = 1.1  # times the ratio of the nearest pose, at poses where it is not known
+LEAST_RATIO = 1e-3  # of the median: bandwidths over frequency below it count as this
+MOVED, RESIZED = 5 * mm, 0.03  # steps of pins [m] and relative areas, by which it is differenced
 RISEN = 2e-3  # share by which the bandwidth must rise for another
 
 
@@ -95,6 +115,9 @@ def optimize(
     options: dict[str, Any] = {
         "vary": vary, "seed": seed, "workers": workers, "catalogue": catalogue,
     }  # fmt: skip
+    if objective not in (names := [*OBJECTIVES, "bandwidth"]):
+        fault = f"{objective!r} is not allowed"
+        raise ArmDesignError("objective", fault, choose(str(objective), names))
     if objective != "bandwidth":
         if damping is not None:
             fault = f'means nothing where "{objective}" is to rise'
@@ -134,32 +157,91 @@ def best_bandwidth(
     """
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
-    sample = sample_of(workspace)
-    today, _ = bandwidths(machine, sample, damping)
-    design = best_frequency(
-        machine, workspace, requirements, bands=Bands(), objective="worst", **options
-    )
-    widths, ratios = bandwidths(design.machine, sample, damping)
-    reached = [least_bandwidth(each, today) for each in (today, widths)]
-    best = design
+    look = _Bandwidths.of(machine, workspace, damping)
+    within = (machine, workspace, requirements)
+    design = best_frequency(*within, bands=Bands(), objective="worst", **options)
+    best, reached = design, [look.least(machine), look.least(design.machine)]
     for _ in range(RENEWALS):
         near = {**options, "start": design, "starts": 1}
-        emphasis = emphasis_of(ratios, sample, workspace)
-        design = best_frequency(
-            machine, workspace, requirements, bands=Bands(), objective=emphasis, **near
-        )
-        widths, ratios = bandwidths(design.machine, sample, damping)
-        risen = least_bandwidth(widths, today)
+        design = best_frequency(*within, bands=Bands(), objective=look.emphasis(design), **near)
+        risen = look.least(design.machine)
         if risen <= (1 + RISEN) * max(reached):
             break
         best, reached = design, [*reached[:2], risen]
     said = {name: options[name] for name in ("vary", "seed", "starts", "catalogue")}
-    command = call(
-        "optimize",
-        **said | {"vary": tuple(options["vary"])},
-        objective="bandwidth",
-        damping=damping,
-    )
+    said |= {"vary": tuple(options["vary"]), "objective": "bandwidth", "damping": damping}
+    command = call("optimize", **said)
     return replace(
         best, machine=best.written_by(command), bandwidths=(reached[0], reached[1], reached[-1])
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Bandwidths:
+    """Bandwidths of machines at the places of a workspace where today's machine has one."""
+
+    workspace: Workspace
+    sample: Workspace
+    today: Places
+    damping: float | None
+
+    @classmethod
+    def of(cls, machine: Machine, workspace: Workspace, damping: float | None) -> _Bandwidths:
+        sample = sample_of(workspace)
+        return cls(workspace, sample, bandwidths(machine, sample, damping)[0], damping)
+
+    def least(self, machine: Machine) -> float:
+        """The least of a machine [Hz]."""
+        return least_bandwidth(bandwidths(machine, self.sample, self.damping)[0], self.today)
+
+    def emphasis(self, design: Design) -> Emphasis:
+        """By how much frequencies count towards bandwidth around a design."""
+        problem, x = design.problem, design.x
+        machine = _at(problem, x)
+        widths, ratios = bandwidths(machine, self.sample, self.damping)
+        few = narrowest(widths, self.today, FEW)
+        growth = self._growth(problem, x, few)
+        known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios.values()])
+        least, most = LEAST_RATIO * float(np.median(known)), float(known.max())
+        return Emphasis(
+            ratio={
+                name: np.nan_to_num(np.maximum(ratio, least), nan=most)
+                for name, ratio in spread(ratios, self.sample, self.workspace, RESERVE).items()
+            },
+            growth={
+                name: np.nan_to_num(slope)
+                for name, slope in spread(growth, self.sample, self.workspace).items()
+            },
+            about=x,
+            judge=self.least,
+        )
+
+    def _growth(self, problem: Problem, x: Array, few: Array) -> Places:
+        """Slopes by x of the logarithm of bandwidth over frequency (n, nx); 0 but at a few."""
+        sample = self.sample.subset(few)
+        growth = {name: np.zeros((len(each), len(x))) for name, each in self.today.items()}
+        for k, v in enumerate(problem.vector.variables):
+            if not v.free:
+                continue
+            step = MOVED / problem.vector.pin_box if v.pin is not None else RESIZED
+            ends = []
+            for sign in (1, -1):
+                moved = x.copy()
+                moved[k] += sign * step
+                ends.append(bandwidths(_at(problem, moved), sample, self.damping)[1])
+            for name, slopes in growth.items():
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    slope = np.log(ends[0][name] / ends[1][name]) / (2 * step)
+                slopes[few, k] = np.nan_to_num(slope, posinf=0.0, neginf=0.0)
+        return growth
+
+
+def _at(problem: Problem, x: Array) -> Machine:
+    """The machine of a design vector, in real numbers."""
+    placed = problem.vector.with_pins(x)
+    cylinders = [
+        replace(cylinder, bore=bore * mm, rod=rod * mm)
+        for i, cylinder in enumerate(placed.cylinders)
+        for bore, rod in [diameters(problem, x, i)]
+    ]
+    return replace(placed, cylinders=tuple(cylinders))

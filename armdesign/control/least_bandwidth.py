@@ -22,7 +22,6 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 POSES = 400  # of a workspace, at which bandwidths are computed
-NARROWEST = 1e-3  # of the median: bandwidths over frequency below it count as this
 
 Places: TypeAlias = dict[str, Array]  # numbers under each load case at all poses of a workspace
 
@@ -73,31 +72,42 @@ def _of_case(case: CasePoses, damping: float | None) -> tuple[Array, Array]:
 
 
 def least_bandwidth(widths: Places, today: Places) -> float:
-    """Least bandwidth [Hz] of the places where today's machine has one; 0 where one of them is lost."""
+    """Least bandwidth [Hz] of the places where today's machine has one; 0 where one is lost."""
     return min(
         float(np.nan_to_num(widths[name][each > 0]).min(initial=np.inf))
         for name, each in today.items()
     )
 
 
-def emphasis_of(ratios: Places, sample: Workspace, workspace: Workspace) -> Places:
-    """Ratios of bandwidth and frequency at a sample, spread over all poses of its workspace.
+def narrowest(widths: Places, today: Places, count: int) -> Array:
+    """Poses of the least bandwidths of every load case, where today's machine has one."""
+    chosen = []
+    for name, each in today.items():
+        counted = np.flatnonzero(each > 0)
+        order = np.argsort(np.nan_to_num(widths[name][counted]))
+        chosen.append(counted[order[:count]])
+    return np.unique(np.concatenate(chosen))
 
-    Each pose has that of the nearest one, as shares of the joints' ranges. Where no controller
-    works frequencies count least: with the largest ratio.
+
+def spread(
+    values: Places, sample: Workspace, workspace: Workspace, reserve: float = 1.0
+) -> Places:
+    """Values at poses of a sample under each load case, at all poses of its workspace.
+
+    Each other pose has those of the nearest one of which they are known, as shares of the joints'
+    ranges, times a reserve; NaN for a load case of which none is.
     """
     from scipy.spatial import KDTree
 
-    known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios.values()])
-    largest, least = float(known.max()), NARROWEST * float(np.median(known))
     low, high = workspace.ranges.T
-    everywhere = {}
-    for name, ratio in ratios.items():
-        near = np.flatnonzero(np.isfinite(ratio))
-        at_all = np.full(len(workspace.q), largest)
+    everywhere = Places()
+    for name, value in values.items():
+        flat = value.reshape(len(value), -1)
+        near = np.flatnonzero(np.isfinite(flat).all(axis=1))
+        everywhere[name] = np.full((len(workspace.q), *value.shape[1:]), np.nan)
         if len(near):
             tree = KDTree((sample.q[near] - low) / (high - low))
-            nearest = tree.query((workspace.q - low) / (high - low))[1]
-            at_all = np.maximum(ratio[near][nearest], least)
-        everywhere[name] = at_all
+            away, nearest = tree.query((workspace.q - low) / (high - low))
+            times = np.where(away > 1e-9, reserve, 1.0).reshape(-1, *[1] * (value.ndim - 1))
+            everywhere[name] = value[near[nearest]] * times
     return everywhere

@@ -121,7 +121,7 @@ class Problem:
                 [repr(corners.today.fluid), repr(corners.today.cylinders)],  # at ends of bands
                 [vector.vary, repr(vector.boxes), repr(vector.chosen_lengths)],
                 [repr(corners.bands), corners.gain, corners.proportional],
-                {name: each.tolist() for name, each in (corners.emphasis or {}).items()},
+                corners.emphasis and corners.emphasis.identity,
                 {name: repr(value) for name, value in vars(self.requirements).items()},
                 [repr(self.sizes), repr(self.margins), repr(self.grid)],
             ]
