@@ -64,6 +64,10 @@ class DesignStep:
         """Least gain in the worst frequency within the bands."""
         return self.design.least_gain
 
+    def plot(self, plane: str = "joints") -> Any:
+        """Figure of its design: maps of today's and the new machine."""
+        return self.design.plot(plane)
+
     @property
     def changed(self) -> tuple[str, ...]:
         """Parts that differ from today's machine: cylinders and pins."""

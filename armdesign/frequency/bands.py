@@ -281,6 +281,12 @@ class FrequencyBand:
         pairs = zip(self._frequencies, today._frequencies, strict=True)
         return min((new / old for new, old in pairs if old > 0), default=math.inf) - 1
 
+    def plot(self, ax: Any = None) -> Any:
+        """Axes with the worst frequency at every corner of the bands."""
+        from armdesign import plots
+
+        return plots.corners_of_bands(self, ax)
+
     @property
     def _frequencies(self) -> list[float]:
         return [*map(_frequency, self.scenarios), *self.between, self.nominal]

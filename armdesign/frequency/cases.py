@@ -49,6 +49,10 @@ class CasePoses:
         """Everything at its poses (m), without the checks of ``Machine.at``."""
         return self.machine.evaluate(self.rigid)
 
+    def rigid_at(self, q: Array) -> RigidPoses:
+        """The bare links at any poses (n, nq), or one (nq,)."""
+        return scaled_links(self.machine.rigid_poses(q), self.link_share)
+
     def exists_at(self, rigid: RigidPoses) -> Flags:
         """Whether it exists, with all cylinders in stroke, at any poses within the ranges (n,)."""
         return self.machine.holds(rigid) & self.workspace.in_stroke(rigid.q)

@@ -47,6 +47,12 @@ class Modes(ReadOnly):
     locked_frequencies: Array
     rigid_frequencies: Array
 
+    def plot(self, ax: Any = None) -> Any:
+        """Axes with the coupled frequencies pose by pose, and the locked ones beside them."""
+        from armdesign import plots
+
+        return plots.modes_by_pose(self, ax)
+
 
 def natural_modes(poses: Poses) -> Modes:
     """Coupled, locked and rigid-load natural frequencies, valves closed and without damping.

@@ -1,7 +1,8 @@
 """The worst frequency over all poses and load cases, at the poses of a workspace and between them.
 
 ``worst_frequency`` compares only the poses of the workspace; ``refined`` searches locally from the
-lowest of them too, so it may return a worse pose off the grid.
+lowest of them too, so it may return a worse pose off the grid; ``worst_anywhere`` does so for all
+load cases.
 """
 
 from __future__ import annotations
@@ -89,6 +90,22 @@ def lowest_of_poses(
     return lowest, whose
 
 
+def worst_anywhere(
+    machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
+) -> WorstPose:
+    """The worst pose over all load cases, on a workspace's poses and between them.
+
+    Arguments and errors as of ``worst_frequency``.
+    """
+    cases = list(load_cases(machine, workspace, payload_share, link_share))
+    lowest: dict[CasePoses, list[Array]] = {case: [] for case in cases if case.exists.any()}
+    for case, indices, rigid in in_chunks(cases, f"{machine.name}: worst frequency"):
+        if len(indices) > 0:
+            lowest[case].append(lowest_frequency(poses_of(cases, case, rigid)))
+    worst = (refined(case, np.concatenate(values)) for case, values in lowest.items())
+    return min(worst, key=lambda pose: pose.frequency)
+
+
 def refined(case: CasePoses, frequency: Array) -> WorstPose:
     """The worst pose of a load case, on its poses and between.
 
@@ -104,17 +121,17 @@ def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, flo
 
     Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
     """
-    machine, workspace, q = case.machine, case.workspace, case.workspace.q[case.exists]
-    for start in _distinct_minima(workspace, q, frequency):
-        minimum = _descend(machine, workspace, start)
+    for start in _distinct_minima(case.workspace, case.workspace.q[case.exists], frequency):
+        minimum = _descend(case, start)
         if minimum is not None:
-            yield minimum, float(lowest_frequency(machine.at(minimum))[0])
+            poses = case.machine.at(case.rigid_at(minimum))
+            yield minimum, float(lowest_frequency(poses)[0])
 
 
 def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
     """Record of a pose (nq,) with a lowest frequency [Hz]."""
     machine = case.machine
-    poses = machine.at(q)
+    poses = machine.at(case.rigid_at(q))
     share = energy_shares(poses, natural_modes(poses))[0, 0]
     return WorstPose(
         q=q,
@@ -137,20 +154,21 @@ def _distinct_minima(workspace: Workspace, q: Array, frequency: Array) -> list[A
     return chosen
 
 
-def _descend(machine: Machine, workspace: Workspace, start: Array) -> Array | None:
+def _descend(case: CasePoses, start: Array) -> Array | None:
     """Local minimum of the lowest frequency (SLSQP); None if it lies outside the workspace."""
     from scipy.optimize import minimize
 
+    machine, workspace = case.machine, case.workspace
     low, high = workspace.ranges.T
     span = high - low
     payload, nq = machine.payload, len(low)
 
     def value(x: Array) -> float:
-        return float(lowest_frequency(machine.evaluate(machine.rigid_poses(low + x * span)))[0])
+        return float(lowest_frequency(machine.evaluate(case.rigid_at(low + x * span)))[0])
 
     def gradient(x: Array) -> Array:
         ends = np.clip(x + 1e-6 * np.concatenate([np.eye(nq), -np.eye(nq)]), 0.0, 1.0)
-        f = lowest_frequency(machine.evaluate(machine.rigid_poses(low + ends * span)))
+        f = lowest_frequency(machine.evaluate(case.rigid_at(low + ends * span)))
         return (f[:nq] - f[nq:]) / (ends[:nq] - ends[nq:]).diagonal()
 
     def room(x: Array) -> Array:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,6 +98,12 @@ class Poses(ReadOnly):
         diagonal = np.einsum("nii->ni", stiffness)
         diagonal[:, self.q.shape[1] :] += self.spring_stiffness
         return stiffness
+
+    def plot(self, ax: Any = None) -> Any:
+        """Axes with the static force of every actuator, pose by pose."""
+        from armdesign import plots
+
+        return plots.forces_by_pose(self, ax)
 
 
 def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:

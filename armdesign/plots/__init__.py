@@ -29,6 +29,7 @@ from armdesign.plots.moves import (
     sensitivity_curves,
     shaper_figure,
 )
+from armdesign.plots.poses import corners_of_bands, forces_by_pose, modes_by_pose
 from armdesign.plots.recordings import identified_figure, ringdown
 from armdesign.plots.responses import (
     frequency_responses,
@@ -49,10 +50,12 @@ __all__ = [
     "bandwidth_maps",
     "before_after",
     "calibration_figure",
+    "corners_of_bands",
     "design_steps",
     "distribution",
     "drawn_joints",
     "figure",
+    "forces_by_pose",
     "frequency_map",
     "frequency_responses",
     "gain_schedule",
@@ -70,6 +73,7 @@ __all__ = [
     "measured_response",
     "modal_fit",
     "mode_shapes",
+    "modes_by_pose",
     "moment_arm_curves",
     "moment_arms",
     "move_figure",

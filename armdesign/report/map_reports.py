@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands, FrequencyBand
-from armdesign.frequency.cases import load_cases
-from armdesign.frequency.worst_frequency import WorstPose, worst_pose
+from armdesign.frequency.worst_frequency import WorstPose, worst_anywhere
 from armdesign.report.bands import end_names, is_assumed, widths
 from armdesign.report.contents import Number, Picture, Report, Section
 from armdesign.report.scene import scene_of
@@ -113,8 +113,8 @@ def headline(
             band = known[k] if known else frequencies.band
         except PoseError:  # unstable at the soft end
             band = None
-        for end, found in _ends(frequencies, first.machine, band, bands).items():
-            pairs[end].append(found)
+        for end, pose in _ends(frequencies, first.machine, band, bands).items():
+            pairs[end].append(pose)
     return tuple(
         _number(names[end], pairs[end], last.machine, units)
         for end in ("rigid", "nominal", "softest")
@@ -127,18 +127,13 @@ def _ends(
     """The worst poses of a machine at both ends of the bands, and with the file's values."""
     poses: dict[str, WorstPose | None] = {"nominal": frequencies.worst}
     for end in ("softest", "rigid"):
-        if band is None:
-            poses[end] = None
-            continue
-        scenario = band.low if end == "softest" else band.high
-        corner = scenario.corner
-        machine = bands.at_end(frequencies.machine, corner.softest, today)
-        one = frequencies.workspace.subset(
-            (frequencies.workspace.q == scenario.q).all(axis=1).nonzero()[0][:1]
-        )
-        cases = load_cases(machine, one, corner.payload_share, corner.link_share)
-        case = next(case for case in cases if case.name == scenario.payload)
-        poses[end] = worst_pose(case, scenario.q, scenario.frequency)
+        poses[end] = None
+        if band is not None:
+            corner = (band.low if end == "softest" else band.high).corner
+            machine = bands.at_end(frequencies.machine, corner.softest, today)
+            shares = corner.payload_share, corner.link_share
+            with suppress(PoseError):  # unstable between the poses
+                poses[end] = worst_anywhere(machine, frequencies.workspace, *shares)
     return poses
 
 
@@ -173,7 +168,7 @@ def assumptions(machine: Machine, workspace: Workspace) -> tuple[str, ...]:
         f"{oil}; small motions about rest, valves closed; {structure}.",
         f"Worst means: of {len(workspace)} poses ({workspace.kind}), each cylinder at least"
         f" {100 * workspace.end_margin:.2g} % of its stroke from its ends, and of the load cases"
-        f" {cases}, each where it exists. With the file's values it is searched between the poses"
-        " too; at the ends of the bands it is the lowest of the poses.",
+        f" {cases}, each where it exists. The three numbers are sought between the poses too,"
+        " each at its own end of the bands; the table of the bands compares the poses alone.",
         f"Bands of what is not known exactly ({stated}): {widths(machine, bands)}.",
     )

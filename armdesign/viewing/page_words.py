@@ -6,7 +6,7 @@ import html
 from typing import TYPE_CHECKING
 
 from armdesign.errors import printable
-from armdesign.viewing.reading import Reading, rows
+from armdesign.viewing.reading import FAULT, NO_BANDWIDTH, Reading, rows
 
 if TYPE_CHECKING:
     from armdesign.viewing.region import Region
@@ -22,18 +22,28 @@ SWATCH = "width:1.4em;height:0.8em;display:inline-block;background:"
 
 
 def reading_words(readings: dict[str, Reading], swing: str, region: Region) -> str:
-    """Readings of machines side by side, the animation, and the scale of colours."""
+    """Readings of machines side by side, faults, the animation, and the scale of colours."""
     columns = {name: dict(rows(one)) for name, one in readings.items()}
+    notes: dict[str, list[str]] = {}  # sentences, and whose they are
+    for name, column in columns.items():
+        for what in {FAULT, NO_BANDWIDTH} & column.keys():
+            notes.setdefault(f"{what}: {column.pop(what)}", []).append(name)
     lines = []
-    if len(columns) > 1:
+    if len(columns) > 1 and any(columns.values()):
         heads = "".join(f"<th>{escaped(name)}</th>" for name in columns)
         lines.append(f'<tr class="heads"><th></th>{heads}</tr>')
     for what in dict.fromkeys(what for column in columns.values() for what in column):
-        cells = "".join(f"<td>{escaped(column.get(what, ''))}</td>" for column in columns.values())
+        cells = "".join(
+            f"<td>{escaped(column.get(what, '–'))}</td>" for column in columns.values()
+        )
         lines.append(f"<tr><th>{escaped(what)}</th>{cells}</tr>")
-    note = f"<p>{escaped(swing)}</p>" if swing else ""
+    said = [
+        note if len(names) == len(columns) else f"{' and '.join(names)}: {note}"
+        for note, names in notes.items()
+    ]
+    paragraphs = "".join(f"<p>{escaped(note)}</p>" for note in [*said, swing] if note)
     return (
-        f'<div id="armdesign"><style>{STYLE}</style><table>{"".join(lines)}</table>{note}'
+        f'<div id="armdesign"><style>{STYLE}</style><table>{"".join(lines)}</table>{paragraphs}'
         f"<p>{scale_words(region)}</p></div>"
     )
 

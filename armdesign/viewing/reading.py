@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 FAULT, LOWEST, LIMITING = "no frequency", "lowest frequency", "limited by"  # names of rows
 ALONE, DAMPED = "bandwidth, position loops", "with pressure feedback"
+NO_BANDWIDTH = "no bandwidth"
 PHASES = 24  # of one period of an animated mode
 SLOWED = 1.5  # [Hz]: faster modes are shown swinging as fast as this
 
@@ -111,7 +112,7 @@ def rows(one: Reading) -> list[tuple[str, str]]:
         lines.append(("higher modes", ", ".join(higher)))
     width = one.bandwidth
     if isinstance(width, str):
-        return [*lines, ("no bandwidth", width)]
+        return [*lines, (NO_BANDWIDTH, width)]
     return [
         *lines,
         (ALONE, f"{width.proportional:.2g} Hz"),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.frequency.worst_frequency import worst_anywhere, worst_frequency
 from tests import machines
 from tests.frequency.cached import mapped
 
@@ -86,3 +89,19 @@ def test_worst_pose_agrees_with_an_independent_search(name: str, points: tuple[i
     assert_allclose(worst.q, WORST_Q, atol=2e-5)
     assert worst.payload == "full"
     assert worst.cylinder == "boom"
+
+
+def test_heavier_links_are_searched_between_the_poses_too() -> None:
+    """Against the map of a machine whose URDF has the heavier links; the worst is off the grid."""
+    machine, share = machines.named("spatial"), 1.3
+    number = r'(?<=<mass value=")[^"]+|(?<= i[xyz][xyz]=")[^"]+'
+    urdf = re.sub(number, lambda value: repr(share * float(value[0])), machine.urdf_text)
+    heavy = ad.Machine.from_text(machine.text, urdf, machine.source)
+    expected = ad.frequency_map(heavy, ad.Workspace.grid(heavy, 2)).worst
+    workspace = ad.Workspace.grid(machine, 2)
+    worst = worst_anywhere(machine, workspace, link_share=share)
+    assert worst.frequency == pytest.approx(expected.frequency, rel=1e-6)
+    assert worst.cylinder == expected.cylinder
+    assert_allclose(worst.q, expected.q, atol=1e-3)
+    lowest = worst_frequency(machine, workspace, link_share=share).frequency
+    assert worst.frequency < 0.9 * lowest

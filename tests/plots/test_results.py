@@ -50,3 +50,45 @@ def test_a_sweep_is_drawn_over_what_changed() -> None:
         sweep.plot("f1")
     with pytest.raises(ad.ArmDesignError, match="has no change that is a number"):
         ad.sweep("paper_1dof", points=3).plot()
+
+
+def test_modes_are_drawn_pose_by_pose(tmp_path: Path) -> None:
+    machine = machines.named("excavator_20t")
+    poses = machine.at(ad.Workspace.grid(machine, 2).q[:5])
+    modes = ad.natural_modes(poses)
+    ax = modes.plot()
+    drawn = np.array([line.get_ydata() for line in ax.lines])
+    np.testing.assert_array_equal(drawn[:3], modes.frequencies.T)
+    np.testing.assert_array_equal(drawn[3:], modes.locked_frequencies.T)
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words == ["lowest coupled mode", "higher modes", "one cylinder, the others locked"]
+    assert plots.save(ax.figure, tmp_path / "a.png").stat().st_size > 5_000
+    ax = poses.plot()
+    forces = np.array([line.get_ydata() for line in ax.lines[:3]])
+    np.testing.assert_allclose(forces, poses.cylinder_forces.T / 1000)
+
+
+def test_unstable_poses_have_no_dot_and_one_pose_is_enough(tmp_path: Path) -> None:
+    machine = machines.named("paper_1dof")
+    soft = machine.replace({"fluid.bulk_modulus_MPa": 60, "payload.load.mass_kg": 100_000})
+    modes = ad.natural_modes(soft.evaluate(soft.rigid_poses(np.array([[0.5]]))))
+    assert modes.frequencies[0, 0] == 0.0
+    ax = modes.plot()
+    assert np.isnan(ax.lines[0].get_ydata()).all()
+    assert plots.save(ax.figure, tmp_path / "a.png").stat().st_size > 1_000
+
+
+def test_a_band_is_drawn_corner_by_corner() -> None:
+    machine = machines.named("paper_1dof")
+    workspace = ad.Workspace.grid(machine, 3)
+    band = ad.frequency_band(machine, workspace, ad.Bands(structure=(0, 1), payload=(0.8, 1.0)))
+    ax = band.plot()
+    expected = [scenario.frequency for scenario in band.scenarios]
+    assert ax.lines[0].get_xdata().tolist() == expected
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    assert names == [
+        "soft end, payload × 0.8",
+        "soft end",
+        "stiff end, payload × 0.8",
+        "stiff end",
+    ]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 import armdesign as ad
+from armdesign.report.map_reports import headline
 from armdesign.report.maps import map_sheets
 from tests import machines
-from tests.machines import machine_with
+from tests.machines import machine_with, named
 from tests.sprung import rocking
 
 CASES = [
@@ -51,3 +52,38 @@ def test_rigid_machines_on_springs_are_not_called_rigid() -> None:
     sheet = map_sheets(ad.frequency_map(machine, ad.Workspace.grid(machine, points=3)))[1]
     assert sheet.columns[-1] == "stiffest"
     assert machines.rigid("excavator_20t").section.bands.structure is None
+
+
+def test_all_numbers_of_the_headline_are_searched_between_the_poses() -> None:
+    """At each end as in the map of a machine of its own, whose worst pose is off the grid."""
+    bands = ad.Bands(bulk_modulus=(0.8, 1.2), structure=(0.2, 1.0))
+    machine = named("spatial")
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points=2))
+    band = ad.frequency_band(machine, frequencies.workspace, bands)
+    numbers = headline({"": frequencies}, bands, [band])
+    ends = (bands.at_end(machine, False), machine, bands.at_end(machine, True))
+    on_grid = band.high.frequency, band.nominal, band.low.frequency
+    for number, end, coarse in zip(numbers, ends, on_grid, strict=True):
+        worst = ad.frequency_map(end, frequencies.workspace).worst
+        assert worst.frequency < 0.9 * coarse
+        assert number.value == f"{worst.frequency:.3f}\u00a0Hz"
+        assert number.words.endswith(f"limited by {worst.cylinder}")
+
+
+@pytest.mark.slow
+def test_a_gain_compares_worst_frequencies_between_the_poses() -> None:
+    machine = named("spatial")
+    stiffer = machine.replace({"cylinder.lift.bore_mm": 160})
+    workspace, bands = ad.Workspace.grid(machine, points=2), ad.Bands(bulk_modulus=(0.8, 1.2))
+    maps = {"today": ad.frequency_map(machine, workspace)}
+    maps["new"] = ad.frequency_map(stiffer, workspace)
+    known = [ad.frequency_band(one.machine, workspace, bands) for one in maps.values()]
+    for softest, number in zip((False, None, True), headline(maps, bands, known), strict=True):
+        today, new = (
+            ad.frequency_map(
+                one.machine if softest is None else bands.at_end(one.machine, softest), workspace
+            ).worst.frequency
+            for one in maps.values()
+        )
+        assert number.value == f"{today:.3f} → {new:.3f}\u00a0Hz"
+        assert number.words.startswith(f"{100 * (new / today - 1):+.1f} %: ")

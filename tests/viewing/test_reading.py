@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import html
+
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign.frequency.modes import natural_modes
 from armdesign.units import deg
+from armdesign.viewing.page_words import reading_words
 from armdesign.viewing.reading import PHASES, reading, rows, swing_words
 from armdesign.viewing.view import view_of
 from tests.machines import inner_poses, named
@@ -90,3 +93,18 @@ def test_the_region_is_the_reach_map() -> None:
 def test_another_machine_needs_the_same_joints() -> None:
     with pytest.raises(ad.ArmDesignError, match="has other joints"):
         view_of(named("paper_1dof"), named("loader_crane"))
+
+
+def test_faults_stand_below_the_table_and_are_said_once() -> None:
+    machine = named("paper_1dof")
+    view = view_of(machine, workspace=ad.Workspace.grid(machine, 3))
+    here, beyond = (reading(machine, np.array([q])) for q in (0.0, 2.0))
+    of_both = reading_words({"today": here, "new": here}, "", view.region)
+    assert of_both.count("no bandwidth: ") == 1
+    assert ": no bandwidth: " not in of_both
+    of_new = reading_words({"today": here, "new": beyond}, "", view.region)
+    assert "<p>today: no bandwidth: " in of_new
+    assert f"<p>new: no frequency: {html.escape(beyond.fault)}</p>" in of_new
+    assert f"<td>{here.frequencies[0]:.3g} Hz</td><td>–</td>" in of_new
+    of_none = reading_words({"today": beyond, "new": beyond}, "", view.region)
+    assert "<table></table>" in of_none
