@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from armdesign.control.gain_schedule import gain_schedule as gain_schedule
     from armdesign.design.design import Design as Design
     from armdesign.design.least import least as least
-    from armdesign.design.optimize import optimize as optimize
     from armdesign.design.optimize import size_cylinders as size_cylinders
     from armdesign.design.pareto import Pareto as Pareto
     from armdesign.design.pareto import pareto as pareto
@@ -113,7 +112,8 @@ _NAMES = {  # public names by the module that has them
     "frequency.bands": "Bands FrequencyBand frequency_band",
     "design.requirements.settings": "Requirements",
     "design.design": "Design",
-    "design.optimize": "optimize size_cylinders",
+    "design.optimize": "size_cylinders",
+    "optimization": "optimize",
     "design.pareto": "Pareto pareto",
     "design.steps": "DesignStep Steps steps",
     "design.least": "least",

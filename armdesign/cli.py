@@ -34,7 +34,7 @@ from armdesign.options import (
     VaryOption,
 )
 from armdesign.output import tell, write_csv
-from armdesign.runs import DrawnSearch, OfMachines, OverWorkspace, Run, Shown, command
+from armdesign.runs import AimedSearch, OfMachines, OverWorkspace, Run, Shown, command
 from armdesign.streams import printing
 from armdesign.transaction import as_interrupt
 
@@ -107,7 +107,7 @@ def map_command(run: OverWorkspace) -> None:
 @command
 def optimize(
     run: OverWorkspace,
-    search: DrawnSearch,
+    search: AimedSearch,
     vary: VaryOption = "areas,pins",
     least: LeastOption = "",
     frequency: FrequencyOption = 0.0,
@@ -129,6 +129,9 @@ def optimize(
         run.go_on(out)
         options: dict[str, Any] = {"vary": listed(vary), **search.settings}
         if least:
+            if options.pop("objective") != "gain":
+                fault = "goes not with --least, which has an aim of its own"
+                raise ArmDesignError("--objective", fault, "give one of them")
             options |= {"of": least, "frequency": frequency}
         design = _design(model, workspace, options, say)
     with run.writing(out) as folder:
@@ -170,7 +173,7 @@ def validate(run: OverWorkspace) -> None:
 
 @app.command()
 @command
-def design(run: OverWorkspace, search: DrawnSearch) -> None:
+def design(run: OverWorkspace, search: AimedSearch) -> None:
     """Map, optimize and validate; write report.html.
 
     The main job: finds better cylinders and pins, and compares today's and the new machine in
@@ -370,18 +373,20 @@ def _design(
 ) -> Design:
     """New machine, mapped, by the search that the options ask for."""
     from armdesign.design.least import least
-    from armdesign.design.optimize import optimize, size_cylinders
+    from armdesign.design.optimize import size_cylinders
+    from armdesign.optimization import optimize
 
+    bandwidth = options["objective"] == "bandwidth"
     if "of" in options:
         say(f"searching for the least {options['of']}")
         answer = least(model, workspace, **options)
-    elif options["vary"] == ("areas",):
+    elif options["vary"] == ("areas",) and not bandwidth:
         say("searching for better sizes")
         if options["starts"] is not None:
             fault = "mean nothing where sizes alone vary: there is one search"
             raise ArmDesignError("--starts", fault, "leave them out")
-        bands, catalogue = options["bands"], options["catalogue"]
-        answer = size_cylinders(model, workspace, bands=bands, catalogue=catalogue)
+        given = {name: options[name] for name in ("bands", "catalogue", "objective")}
+        answer = size_cylinders(model, workspace, **given)
     else:
         say("searching for a better design")
         answer = optimize(model, workspace, **options)

@@ -68,6 +68,15 @@ SetOption = Annotated[
         show_default=False,
     ),
 ]
+ObjectiveOption = Annotated[
+    str,
+    typer.Option(
+        "--objective",
+        metavar="gain|worst|bandwidth",
+        help="What rises: the least gain in frequency within the bands, the worst frequency within"
+        " them, or the least bandwidth of position loops, with the file's values.",
+    ),
+]
 StartsOption = Annotated[
     int | None,
     typer.Option(

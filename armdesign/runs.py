@@ -22,11 +22,13 @@ from armdesign.errors import ArmDesignError
 from armdesign.option_values import bands_to_use, grid_points, offered_sizes
 from armdesign.options import (
     CatalogueOption,
+    DampingOption,
     FreeOption,
     Habit,
     JsonOption,
     MachineArgument,
     NominalOption,
+    ObjectiveOption,
     OutOption,
     OutsideOption,
     PictureFormat,
@@ -365,3 +367,21 @@ class DrawnSearch(Search):
     def settings(self) -> dict[str, Any]:
         """Arguments of the functions that search."""
         return {**super().settings, "starts": self.starts, "seed": self.seed}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AimedSearch(DrawnSearch):
+    """Options of a search for the best design by one of several objectives.
+
+    Attributes:
+        objective: what rises.
+        damping: ratio on which bandwidths rest; None: the file's.
+    """
+
+    objective: ObjectiveOption = "gain"
+    damping: DampingOption = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of the functions that search."""
+        return {**super().settings, "objective": self.objective, "damping": self.damping}

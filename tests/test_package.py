@@ -32,7 +32,7 @@ ROOMS = (
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
-    *("control", "motion"),
+    *("control", "optimization", "motion"),
     *("drawing", "exchange", "plots", "viewing", "report", "paper", "influence", "sweeps"),
     *("output", "options", "option_values", "json_document", "runs"),
     *(

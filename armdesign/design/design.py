@@ -66,6 +66,8 @@ class Design:
         watched: rows of the problem that the search kept an eye on.
         selection: the sizes of a catalogue and their proof, where nothing but sizes varied; None
             otherwise.
+        bandwidths: least bandwidth of today's machine, of the one of the highest worst frequency
+            and of this one [Hz], where that was the objective; None otherwise.
     """
 
     __repr__ = short_repr
@@ -84,6 +86,7 @@ class Design:
     x: Array
     watched: Array
     selection: SizeSelection | None = None
+    bandwidths: tuple[float, float, float] | None = None
 
     @classmethod
     def of(
@@ -167,7 +170,9 @@ class Design:
 
     @property
     def made_for(self) -> str:
-        """Aim of the search: "gain" or "worst" frequency within bands, or "nominal"."""
+        """Aim of the search: "gain" or "worst" frequency within bands, "nominal", "bandwidth"."""
+        if self.problem.dynamics.corners.emphasis is not None:
+            return "bandwidth"
         if self.problem.dynamics.corners.bands == Bands():
             return "nominal"
         return "gain" if self.problem.dynamics.corners.gain else "worst"
@@ -219,8 +224,10 @@ class Design:
 
         With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary,
         or own masses with the sizes: what no sizes at all exceed, so none of the catalogue either.
-        Refused where this design exceeds it.
+        Refused where this design exceeds it. None is known of bandwidths.
         """
+        if self.made_for == "bandwidth":
+            return None
         # else sizes were chosen with masses held
         if self.selection is not None and self.problem.vector.moving_masses is None:
             words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")

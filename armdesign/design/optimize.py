@@ -1,4 +1,4 @@
-"""Searches for the best design: ``optimize`` of sizes and pins, ``size_cylinders`` alone."""
+"""Searches for the best design: sizes and pins of the best frequency, ``size_cylinders`` alone."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pin
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.kept_designs import finished_design
+from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
@@ -22,7 +23,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 
-def optimize(
+def best_frequency(
     machine: Machine,
     workspace: Workspace | None = None,
     requirements: Requirements | None = None,
@@ -33,56 +34,16 @@ def optimize(
     workers: int = 1,
     start: Design | None = None,
     bands: Bands | None = None,
-    objective: str = "gain",
+    objective: str | Emphasis = "gain",
     catalogue: str | Iterable[Sequence[float]] | None = None,
 ) -> Design:
-    """Cylinder areas and pins that raise the worst frequency over workspace and load cases.
+    """The design of the highest lowest frequency, as ``optimize`` has it.
 
-    Within bands of what is not known exactly the least gain over today's machine counts, so that
-    no corner of them pays for another.
-
-    Args:
-        machine: today's machine.
-        workspace: poses that count; default grid if None.
-        requirements: limits; None: the machine's file states them.
-        vary: words ("areas"; "pins"; "linkages": pins and all of the four-bars) and key paths of
-            the machine file ("cylinder.boom.bore_mm", "cylinder.bucket.four_bar",
-            "cylinder.stick.base.at_mm.0").
-        starts: how many starts the search makes; the first is today's machine, the others are
-            drawn in the pin box. None: 3, or 6 where four-bars move.
-        seed: of the drawn starts. The same seed gives the same answer.
-        workers: processes that share the starts. The answer does not depend on it; a process takes
-            some seconds to set up, so that it pays from about ten starts, or three with four-bars.
-        start: a design of the same machine under other limits, where the first start is then made.
-        bands: what is not known exactly; the machine file's bands if None, ``Bands()`` for the
-            file's values alone. Requirements are judged at the values of the file. Structure in
-            series with a cylinder stays as it is [m/N], whatever the new cylinder.
-        objective: what rises within bands: "gain", the least of f_new/f_today over their corners,
-            or "worst", the worst frequency within them.
-        catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; pins
-            then lie on whole millimetres and strokes on 5 mm. None: as ``requirements.catalogue``
-            of the machine's file says. "free", or where the file says nothing: any size, pin and
-            stroke on the 0.1 mm grid. From the best free sizes one cylinder after the other
-            takes a size of the catalogue while the rest follows; then the best sizes for the pins
-            and the best pins for the sizes are found in turn, and one size after the other is
-            chosen again, until nothing is better. ``bound`` is for free sizes and pins; where no
-            pin varies, for sizes of the catalogue. A bore or rod that does not vary stays: then
-            only pairs that have it are offered.
+    Instead of a name ``objective`` may say by how much frequencies count at poses and load cases.
 
     Raises:
-        ArmDesignError: a word or path of ``vary`` that names nothing that can vary; a start from
-            another machine; no catalogue, or one of no use.
-        InfeasibleError: no design meets the requirements. Granted what it asks for, the same call
-            gives one: that was tried.
-
-    Example:
-        >>> import armdesign as ad
-        >>> machine = ad.load("paper_1dof")
-        >>> workspace = ad.Workspace.grid(machine, points=3)
-        >>> limits = ad.Requirements.of(machine, oil_total_share=1.05)
-        >>> design = ad.optimize(machine, workspace, limits, vary=["areas"], starts=1)
-        >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
-        7.45 to 7.77 Hz
+        ArmDesignError: as ``optimize``.
+        InfeasibleError: as ``optimize``.
     """
     problem, sizes = formulate_with_sizes(
         machine, workspace, requirements, vary,
@@ -94,7 +55,7 @@ def optimize(
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
     command = call(
         "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
-        objective=None if objective == "gain" else objective, catalogue=catalogue,
+        objective=_told(objective), catalogue=catalogue,
     )  # fmt: skip
 
     def under(problem: Problem) -> Design:
@@ -177,7 +138,7 @@ def size_cylinders(
     )
     command = call(
         "size_cylinders", dead_volume=dead_volume, bands=bands,
-        objective=None if objective == "gain" else objective, catalogue=catalogue,
+        objective=_told(objective), catalogue=catalogue,
     )  # fmt: skip
 
     def under(problem: Problem) -> Design:
@@ -190,6 +151,12 @@ def size_cylinders(
     return finished_design(
         Design, problem, identity, lambda: design_or_proof(problem, under, sizes is not None)
     )
+
+
+def _told(objective: str | Emphasis) -> str | None:
+    """An objective in the command that made a design; None for the default."""
+    name = objective if isinstance(objective, str) else "bandwidth"
+    return None if name == "gain" else name
 
 
 def _names(machine: Machine) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design
-from armdesign.design.optimize import optimize
+from armdesign.design.optimize import best_frequency
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
@@ -169,7 +169,7 @@ def pareto(
 
     def best(limit: float, tighter: Design | None) -> Design:
         limited = _limited(requirements, against, limit)
-        return optimize(
+        return best_frequency(
             machine, workspace, limited, vary,
             starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
             objective=objective, catalogue=catalogue,

@@ -22,7 +22,7 @@ from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.spring import Spring
-from armdesign.mechanism.urdf import read_urdf, rotations, turned
+from armdesign.mechanism.urdf import read_urdf, turned
 from armdesign.transaction import undisturbed
 from armdesign.units import GRAVITY
 
@@ -239,8 +239,7 @@ class Arm:
         axis = np.empty((n, k, 3), q.dtype)
         for index in self.outwards:
             joint = self.coordinates[index]
-            angle = q[:, index] if joint.revolute else np.zeros(n)
-            local = rotations(joint.axis, angle, joint.rotation)
+            local = joint.turned_by(q[:, index])
             if joint.parent < 0:
                 rotation[:, index], translation[:, index] = local, joint.translation
             else:

@@ -15,6 +15,7 @@ from armdesign.report.comparison import Comparison
 from armdesign.report.contents import Picture, Report, Section
 from armdesign.report.designs import (
     bands_of_design,
+    bandwidth_sheet,
     binding_sheet,
     bound_sheet,
     gain_sheet,
@@ -64,7 +65,11 @@ def design_report(
         sections=(
             Section(
                 title="In three numbers",
-                sheets=(gain_sheet(design, units), bands_of_design(design)),
+                sheets=(
+                    *filter(None, [bandwidth_sheet(design)]),
+                    gain_sheet(design, units),
+                    bands_of_design(design),
+                ),
             ),
             Section(title="The machine, today and new", shows="drawing"),
             Section(

@@ -28,6 +28,7 @@ def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
     """Gain, also within bands, sizes and pins, binding requirements, loads and percentiles."""
     both = {"today": (design.today, design.workspace), "new": (design.machine, design.workspace)}
     return [
+        *filter(None, [bandwidth_sheet(design)]),
         gain_sheet(design, units),
         bands_of_design(design),
         sizes_sheet(design, units),
@@ -56,6 +57,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     made_for = {
         "worst": "all that follows: in the worst case of the bands; ",
         "gain": "made for the least gain within the bands; of that gain: ",
+        "bandwidth": "made for the least bandwidth; of it, as estimated from frequencies: ",
     }
     notes = [
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
@@ -71,6 +73,34 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         note=_vanishing(design) + "; ".join(notes) + _bound(design) + reached,
         bold=(2,),
     )
+
+
+def bandwidth_sheet(design: Design) -> Sheet | None:
+    """Least bandwidths, where they were to be made large; None otherwise."""
+    if design.bandwidths is None:
+        return None
+    today, of_frequency, new = design.bandwidths
+    rows = (
+        ("today", f"{today:.3f} Hz", ""),
+        ("highest worst frequency", f"{of_frequency:.3f} Hz", f"{_percent(of_frequency, today)}"),
+        ("new", f"{new:.3f} Hz", f"{_percent(new, today)}"),
+    )
+    none = "; no design has more than the one of the highest worst frequency, as far as was found"
+    return Sheet(
+        title="Least bandwidth of the position loops",
+        columns=("", "bandwidth", "gain"),
+        rows=rows,
+        note=(
+            "one position gain and one gain of pressure feedback for all joints, at poses and load"
+            " cases where today's machine has one; found by a local search, no bound is known"
+            f"{none if new == of_frequency else ''}"
+        ),
+        bold=(2,),
+    )
+
+
+def _percent(new: float, today: float) -> str:
+    return f"{100 * (new / today - 1):+.1f} %" if today > 0 else ""
 
 
 def bound_sheet(design: Design) -> Sheet:
@@ -163,6 +193,7 @@ def bands_of_design(design: Design) -> Sheet:
         "worst": "; the new machine was designed for the lowest",
         "gain": "; the new machine was designed for the least gain",
         "nominal": "; the new machine was designed for the file's values alone",
+        "bandwidth": "; the new machine was designed for the bandwidth with the file's values",
     }
     rows = {"today": design.band_before, "new": design.band_after}
     least = f"; least gain within the bands {100 * design.least_gain:+.1f} %"

@@ -194,7 +194,8 @@ def _drawn_machine(
     modes = range(shapes.shape[-1])
     view = side_view(machine, q)
     amplitude = SWING * view.size
-    moved = [side_view(machine, swung(machine, q, shapes[..., k], amplitude)) for k in modes]
+    swings = (swung(machine, q, shapes[..., k], amplitude) for k in modes)
+    moved = [side_view(machine, at, known=view) for at in swings]
     loose = _loose(view)
     placed, *gone = (_numbers(one, loose) for one in (view, *moved))
     factors = np.array([_factor(joint) for joint in machine.arm.joints])

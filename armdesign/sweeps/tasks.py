@@ -32,9 +32,10 @@ def design(
     catalogue: str | None = None,
 ) -> Numbers:
     """Worst frequency today and of the best machine [Hz], its gains, and every changed number."""
-    from armdesign.design.optimize import optimize, size_cylinders
+    from armdesign.design.optimize import size_cylinders
+    from armdesign.optimization import optimize
 
-    if tuple(vary) == ("areas",):
+    if tuple(vary) == ("areas",) and objective != "bandwidth":
         best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)
     else:
         best = optimize(

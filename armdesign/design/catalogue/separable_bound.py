@@ -80,11 +80,12 @@ def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]
     nc = len(placed.cylinders)
     closed = np.array([c.closed_length for c in placed.cylinders])
     parts = []
-    for corner, end, weight in zip(corners.all, corners.end, corners.weights, strict=True):
+    for k, (corner, end) in enumerate(zip(corners.all, corners.end, strict=True)):
         machine = corners.bands.at_end(placed, corner.softest, corners.today)
         shares = corner.payload_share, corner.link_share
         for case in load_cases(machine, corners.workspace, *shares):
             poses = case.evaluate()
+            weight = corners.weight_at(k, case)[:, None, None]
             inverse = inverse_cholesky(weight * poses.mass_matrix)
             turned = np.swapaxes(inverse, 1, 2)
             arms, oil = poses.moment_arms[:, :nc], poses.oil_stiffness[:, :nc]

@@ -6,25 +6,53 @@ corner by what today's machine has there: K − λ w M ⪰ 0 with w = ω²_today
 the values of the file. The lowest λ is the square of the least gain times the latter: the same
 programme for both objectives.
 
+Where frequencies count with an emphasis of their own at every pose and load case, ω² times its
+square takes the place of ω²: M is divided by that, and K multiplied by how it grows with x.
+
 Structure in series with an actuator stays as it is in m/N, whatever cylinder is chosen.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands, Corner, scenario
+from armdesign.frequency.cases import CasePoses
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Emphasis:
+    """By how much frequencies count: ``ratio`` · exp(``growth`` · (x − ``about``)).
+
+    Attributes:
+        ratio: under each load case at every pose of the workspace (n,), > 0.
+        growth: of its logarithm with the entries of the design vector (n, nx).
+        about: the design vector at which the ratio was found (nx,).
+        judge: the value [Hz] of a machine that has been written, which shall be large.
+    """
+
+    ratio: Mapping[str, Array]
+    growth: Mapping[str, Array]
+    about: Array
+    judge: Callable[[Machine], float]
+
+    @property
+    def identity(self) -> list[Any]:
+        """Everything in which two can differ, for keys."""
+        both = ({k: v.tolist() for k, v in each.items()} for each in (self.ratio, self.growth))
+        return [*both, self.about.tolist()]
 
 
 class Pistons(NamedTuple):
@@ -51,6 +79,7 @@ class Corners:
         bands: what is not known exactly.
         gain: whether the least gain over today's machine counts; else the worst frequency.
         proportional: whether dead volumes grow with the areas.
+        emphasis: by how much frequencies count at poses and load cases; None: all alike.
     """
 
     today: Machine
@@ -58,6 +87,7 @@ class Corners:
     bands: Bands = field(default_factory=Bands)
     gain: bool = False
     proportional: bool = False
+    emphasis: Emphasis | None = None
 
     @cached_property
     def all(self) -> list[Corner]:
@@ -94,11 +124,19 @@ class Corners:
             )
         return (np.array(self.frequencies) / self.nominal) ** 2
 
+    def weight_at(self, corner: int, case: CasePoses) -> Array:
+        """By how much inertia counts at a corner at the poses of a load case (m,)."""
+        ratio = 1.0 if self.emphasis is None else self.emphasis.ratio[case.name][case.exists]
+        return np.broadcast_to(self.weights[corner] / ratio**2, case.exists.sum())
+
     def judged(self, machine: Machine) -> float:
         """The objective of a machine on the workspace's poses [Hz].
 
-        Its worst frequency within the bands; or its least gain times today's worst frequency.
+        Its worst frequency within the bands; or its least gain times today's worst frequency; or
+        what its emphasis judges.
         """
+        if self.emphasis is not None:
+            return self.emphasis.judge(machine)
         frequencies = [
             scenario(machine, self.workspace, self.bands, corner, self.today).frequency
             for corner in self.all

@@ -56,7 +56,8 @@ class Rows:
 
     With the load, without masses that depend on x; ∂g/∂q holds springs too, which no x changes.
     A load case at another corner of the bands is another one: ``payload`` counts on, and
-    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is, see ``corners.py``.
+    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is; ``growth`` (n, nx) is that
+    of the emphasis with x, (n, 0) where there is none: see ``corners.py``.
     """
 
     pose: Array
@@ -66,6 +67,7 @@ class Rows:
     mass: Array
     gravity: Array
     slope: Array
+    growth: Array
 
     def __len__(self) -> int:
         return len(self.pose)
@@ -93,25 +95,31 @@ class Dynamics:
     @cached_property
     def rows(self) -> Rows:
         """Every pose with every load case that exists there, at all corners of the bands."""
-        return self._rows(self.corners.all, self.corners.weights)
+        return self._rows(self.corners.all, weighted=True)
 
     @cached_property
     def nominal_rows(self) -> Rows:
         """Every pose with every load case at the masses of the file, which requirements count."""
         as_in_file = Corner(True, 1.0, 1.0)
-        return self.rows if self.corners.all == [as_in_file] else self._rows([as_in_file], [1.0])
+        return self.rows if self.corners.all == [as_in_file] else self._rows([as_in_file])
 
-    def _rows(self, corners: Sequence[Corner], weights: Sequence[float] | Array) -> Rows:
-        """Pairs of a pose and a load case at corners of the bands, weighted."""
+    def _rows(self, corners: Sequence[Corner], weighted: bool = False) -> Rows:
+        """Pairs of a pose and a load case at corners of the bands, weighted if these count."""
         parts: list[tuple[Array, ...]] = []
-        for corner, (one, weight) in enumerate(zip(corners, weights, strict=True)):
+        for corner, one in enumerate(corners):
             shares = one.payload_share, one.link_share
             springs = self.corners.bands.at_end(self.vector.machine, one.softest).spring_stiffness
             added = np.diag(np.concatenate([np.zeros(len(self.vector.machine.joints)), springs]))
             for case in load_cases(self.vector.bare, self.workspace, *shares):
                 mass, gravity, slope = case.machine.loaded(case.rigid)
-                numbers = (np.full(len(mass), x) for x in (len(parts), corner, float(weight)))
-                parts.append((case.indices, *numbers, weight * mass, gravity, slope + added))
+                numbers = [np.full(len(mass), x) for x in (len(parts), corner, 1.0)]
+                growth = np.zeros((len(mass), 0))
+                if weighted and self.corners.emphasis is not None:
+                    growth = self.corners.emphasis.growth[case.name][case.exists]
+                if weighted:
+                    numbers[-1] = self.corners.weight_at(corner, case)
+                    mass = numbers[-1][:, None, None] * mass
+                parts.append((case.indices, *numbers, mass, gravity, slope + added, growth))
         return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def forces_of_nominal(self, forces: Array) -> Array | None:
@@ -244,10 +252,15 @@ class Dynamics:
 
     @cached_property
     def _fixed_pins(self) -> FixedPins | None:
-        """Terms that areas leave alone; None where pins vary or forces or masses depend on x."""
+        """Terms that areas leave alone; None where pins vary, or forces, masses or emphasis."""
         machine, g, pose = self.vector.machine, self._fixed_geometry, self.rows.pose
         redundant = len(machine.actuators) != len(machine.joints)
-        if g is None or self.vector.moving_masses is not None or redundant:
+        if (
+            g is None
+            or redundant
+            or self.vector.moving_masses is not None
+            or self.corners.emphasis is not None
+        ):
             return None
         lower = self._fixed_inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
@@ -278,11 +291,12 @@ class Dynamics:
         at = self.stepped(x)
         g = at.geometry(self.workspace.rigid[self.rows.pose[rows]])
         mass, gravity, slope = self.stepped_inertia_and_gravity(x, self.rows, rows)
-        pull = slope - 1j * squared * mass.imag
         forces = self.static_forces(g.arm, gravity, at.areas[:, None])
         extension = g.length - at.closed[:, None]
         pistons = Pistons(extension, at.stroke[:, None], at.areas[:, None], forces)
-        stiffness = self.actuator_stiffness(self.rows.corner[rows], g, pistons) + pull
+        emphasis = self._stepped_emphasis(x, rows)
+        pull = emphasis * slope - 1j * squared * mass.imag
+        stiffness = emphasis * self.actuator_stiffness(self.rows.corner[rows], g, pistons) + pull
         lower = self.inverse_cholesky_of(mass[0].real, rows)
         turned = np.swapaxes(lower, 1, 2)
         return lower @ stiffness[0].real @ turned, lower @ (stiffness.imag / STEP) @ turned
@@ -335,7 +349,21 @@ class Dynamics:
         forces = self.static_forces(g.arm, gravity, self.vector.areas(x))
         pistons = self._pistons(x, g.length, forces)
         stiffness = self.actuator_stiffness(self.rows.corner[rows], g, pistons)
-        return stiffness + slope, mass, forces
+        return self._emphasis(x, rows) * (stiffness + slope), mass, forces
+
+    def _emphasis(self, x: Array, rows: Array | slice) -> Array | float:
+        """By how much more stiffness counts at x than where the emphasis was found (n, 1, 1)."""
+        if self.corners.emphasis is None:
+            return 1.0
+        moved = x - self.corners.emphasis.about
+        return np.asarray(np.exp(2 * self.rows.growth[rows] @ moved)[:, None, None])
+
+    def _stepped_emphasis(self, x: Array, rows: Array) -> Array | float:
+        """``_emphasis`` with a complex step along each entry of x (nx, n, 1, 1)."""
+        if self.corners.emphasis is None:
+            return 1.0
+        steps = 1 + 2j * STEP * self.rows.growth[rows].T[:, :, None, None]
+        return np.asarray(steps * self._emphasis(x, rows))
 
     def _pistons(self, x: Array, length: Array, forces: Array) -> Pistons:
         """Pistons of rows at x with lengths [m] and static forces [N] (n, nc)."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE, DrawingGrid, relative_areas
-from armdesign.design.program.corners import Corners
+from armdesign.design.program.corners import Corners, Emphasis
 from armdesign.design.program.design_vector import DesignVector
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.variables import Variable
@@ -73,6 +73,7 @@ class Problem:
         proportional: bool = False,
         bands: Bands | None = None,
         gain: bool = False,
+        emphasis: Emphasis | None = None,
         tightening: float = 0.0,
     ) -> Problem:
         """The problem in which what ``vary`` names of today's machine varies on its workspace."""
@@ -83,6 +84,7 @@ class Problem:
             bands=bands or Bands(),
             gain=gain,
             proportional=proportional,
+            emphasis=emphasis,
         )
         dynamics = Dynamics(vector=vector, corners=corners)
         margins = Margins(tightening=tightening)
@@ -119,6 +121,7 @@ class Problem:
                 [repr(corners.today.fluid), repr(corners.today.cylinders)],  # at ends of bands
                 [vector.vary, repr(vector.boxes), repr(vector.chosen_lengths)],
                 [repr(corners.bands), corners.gain, corners.proportional],
+                corners.emphasis and corners.emphasis.identity,
                 {name: repr(value) for name, value in vars(self.requirements).items()},
                 [repr(self.sizes), repr(self.margins), repr(self.grid)],
             ]

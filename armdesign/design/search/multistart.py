@@ -10,6 +10,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE, DrawingGrid, Sizes, sizes_and_grid
+from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.places import refuse_pins_outside
@@ -48,7 +49,7 @@ def formulate(
     vary: Sequence[str],
     proportional: bool = False,
     bands: Bands | None = None,
-    objective: str = "gain",
+    objective: str | Emphasis = "gain",
     grid: DrawingGrid = FINE,
 ) -> Problem:
     """The design problem; with the default grid and the file's requirements where none are given.
@@ -60,7 +61,8 @@ def formulate(
             on what is not there; an outline that does not hold today's pins; an objective that
             there is not.
     """
-    if objective not in OBJECTIVES:
+    emphasis = None if isinstance(objective, str) else objective
+    if emphasis is None and objective not in OBJECTIVES:
         raise ArmDesignError(
             "objective", f"{objective!r} is not allowed", choose(str(objective), OBJECTIVES)
         )
@@ -77,7 +79,8 @@ def formulate(
         vary=tuple(vary),
         proportional=proportional,
         bands=bands,
-        gain=objective == "gain" and bands != Bands(),
+        gain=emphasis is None and objective == "gain" and bands != Bands(),
+        emphasis=emphasis,
     )
     return replace(problem, grid=grid)
 
@@ -89,7 +92,7 @@ def formulate_with_sizes(
     vary: Sequence[str],
     *,
     bands: Bands | None,
-    objective: str,
+    objective: str | Emphasis,
     catalogue: str | Iterable[Sequence[float]] | None,
 ) -> tuple[Problem, Sizes | None]:
     """The design problem on the grid of a catalogue, and its sizes; None where any may be.

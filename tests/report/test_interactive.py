@@ -1,0 +1,65 @@
+"""Figures of the page, written as data, are what bokeh itself reads."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+import armdesign as ad
+from armdesign.report.interactive import COLUMNS, document, interactive
+from armdesign.report.scene import Scene, scene_of
+
+
+def scene(name: str, points: int) -> Scene:
+    machine = ad.load(name)
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points))
+    return scene_of({"today </script>": frequencies, "new": frequencies})
+
+
+@pytest.mark.parametrize(("name", "glyph"), [("paper_1dof", "Scatter"), ("excavator_20t", "Rect")])
+def test_bokeh_reads_the_figures(name: str, glyph: str) -> None:
+    """Its own reader refuses kinds, attributes and values that it does not know."""
+    from bokeh.document import Document
+
+    drawn = scene(name, 4)
+    empty: Any = Document().to_json(deferred=False)
+    read: Any = Document.from_json({**empty, **document(drawn)})
+    read.validate()
+    assert [figure.name for figure in read.roots] == ["map-0", "map-1"]
+    assert read.roots[0].title.text == "today </script>"
+    for k, figure in enumerate(read.roots):
+        cells, marks = figure.renderers
+        assert cells.data_source is read.get_model_by_name(f"cells-{k}")
+        assert marks.data_source is read.get_model_by_name(f"marks-{k}")
+        assert set(cells.data_source.data) == set(COLUMNS)
+        assert type(cells.glyph).__name__ == type(cells.nonselection_glyph).__name__ == glyph
+        colours = read.get_model_by_name(f"colours-{k}")
+        assert cells.glyph.fill_color["transform"] is colours
+        assert cells.nonselection_glyph.line_color["transform"] is colours
+        first, last = drawn.planes[0].x.middles[0], drawn.planes[0].x.middles[-1]
+        half = drawn.planes[0].x.width / 2
+        assert (figure.x_range.start, figure.x_range.end) == (first - half, last + half)
+        assert [line.axis for line in figure.center] == [*figure.below, *figure.left]
+
+
+def test_the_colours_are_those_of_bokeh() -> None:
+    """Within one step of 256: the two libraries round the same table differently."""
+    from bokeh.palettes import Viridis256
+
+    figure = document(scene("paper_1dof", 3))["roots"][0]["attributes"]
+    palette = figure["renderers"][0]["attributes"]["glyph"]["attributes"]["line_color"]
+    colours = palette["transform"]["attributes"]["palette"]
+    for ours, theirs in zip(colours, Viridis256, strict=True):
+        pairs = zip(bytes.fromhex(ours[1:]), bytes.fromhex(theirs[1:]), strict=True)
+        assert max(abs(one - other) for one, other in pairs) <= 1
+
+
+def test_a_name_cannot_end_the_script_and_pages_are_the_same_again() -> None:
+    drawn = scene("paper_1dof", 3)
+    parts = interactive(drawn)
+    assert "</script" not in parts.script
+    assert json.dumps("today </script>").replace("<", "\\u003c") in parts.script
+    assert parts == interactive(drawn)
+    assert len(set(parts.places)) == 2
