@@ -41,12 +41,14 @@ def lift_chart(chart: LiftChart, ax: Any = None, **limits: float) -> Any:
 @literal
 def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
     """Figure of one chart, or of two on one colour scale with their ratio beside them."""
-    fig, axes = figure(1 if len(charts) == 1 else 3, 4.6, 7.0)
+    fig, axes = figure(1, 7.0, 4.6) if len(charts) == 1 else figure(3, 4.6, 7.0)
     most = max(float(chart.capacity.max()) for chart in charts.values())
     for ax, (label, chart) in zip(axes, charts.items(), strict=False):
         lift_chart(chart, ax, vmin=0.0, vmax=most)
         ax.set_title(label, fontsize=11)
-    if len(charts) > 1:
+    if len(charts) == 1:
+        axes[0].set_aspect("auto")  # tall and narrow charts would be a column amid white paper
+    else:
         hide_colour_bar(axes[0])  # the second chart has the same
         places = [
             {(x, z): mass for x, z, mass in zip(c.reach, c.height, c.capacity, strict=True)}
@@ -76,7 +78,7 @@ def _points(
     style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
     for x, z, lines in zip(*at, words, strict=True):
         for k, line in enumerate(lines):
-            ax.annotate(line, (x, z), (0, -9 - 8 * k), textcoords="offset points", **style)
+            ax.annotate(line, (x, z), (0, -10 - 8 * k), textcoords="offset points", **style)
     ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
     ax.margins(0.12)
     ax.grid(alpha=0.3)

@@ -21,22 +21,17 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 COLOURS = 128  # of a picture on the page: enough for maps, a third of the size
-WIDE = 1.6  # times the height
 WIDEST = 1200  # [pixels] of a picture on the page
 PAPER = 95  # letters in a line of a printed table
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
 
 class EmbeddedPicture(NamedTuple):
-    """A picture on the page; no data where the folder lacks its file.
-
-    ``wide``: much wider than high, which phones scroll.
-    """
+    """A picture on the page; no data where the folder lacks its file."""
 
     caption: str
     file: str
     data: str
-    wide: bool = False
 
 
 def page(report: Report, folder: Path) -> str:
@@ -105,7 +100,7 @@ def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
     except (OSError, UnidentifiedImageError):
         return EmbeddedPicture(picture.caption, picture.file, "")
     data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return EmbeddedPicture(picture.caption, picture.file, data, plain.width > WIDE * plain.height)
+    return EmbeddedPicture(picture.caption, picture.file, data)
 
 
 def _on_white(image: Image) -> Image:
