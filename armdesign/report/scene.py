@@ -19,6 +19,7 @@ import numpy as np
 from armdesign.arrays import Array, percentiles
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import swung
+from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
 
@@ -244,11 +245,8 @@ def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array
     most = min(count, MODES)
     shapes = np.zeros((len(q), count, most))
     limits, lowest = np.zeros((len(q), most), dtype=int), np.zeros((len(q), most))
-    for k, payload in enumerate(machine.payloads):
-        rows = np.flatnonzero(case == k)
-        if not len(rows):
-            continue
-        loaded = machine.with_payload(payload.name)
+    names = [machine.payloads[k].name for k in case]
+    for loaded, rows in groups_by_case(machine, names):
         poses = loaded.evaluate(loaded.rigid_poses(q[rows]))
         modes = natural_modes(poses)
         shapes[rows], lowest[rows] = modes.shapes[:, :, :most], modes.frequencies[:, :most]
