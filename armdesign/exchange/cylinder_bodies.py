@@ -22,13 +22,13 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage, Pin
-from armdesign.mechanism.linkage.four_bar import FourBar
+from armdesign.mechanism.linkage.kinds import KINDS
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 APART = 1.5  # between the middles of parallel cylinders, over their diameter, as drawn
-PARTS = ("swivel", "barrel", "rod", "rocker", "coupler")
+PARTS = ("swivel", "barrel", "rod", *(bar for kind in KINDS for bar, _ in kind.legs))
 PLANE = 1e-9  # share of its length by which a cylinder may leave the plane of its link
 ROD, BARREL, BAR = (0.75, 0.77, 0.80, 1), (0.25, 0.27, 0.30, 1), (0.45, 0.46, 0.48, 1)
 
@@ -106,8 +106,7 @@ def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Body,
     bodies: list[Body] = []
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         name = _stem(machine, cylinder.name)
-        if isinstance(linkage, FourBar):
-            bodies += _four_bar(name, cylinder, linkage, rigid)
+        bodies += _legs(name, cylinder, linkage, rigid)
         bodies += _cylinder(machine, name, cylinder, linkage, rigid)
     return tuple(bodies)
 
@@ -122,9 +121,10 @@ def _stem(machine: Machine, name: str) -> str:
 
 def _rod_end(name: str, linkage: Linkage) -> tuple[str, tuple[float, float, float]]:
     """Link or body that the rod ends on, and the pin in its frame [m]."""
-    if isinstance(linkage, FourBar):
-        return f"{name}_rocker", (linkage.rocker, 0.0, 0.0)
-    pin: Pin = getattr(linkage, linkage.key)
+    if linkage.legs:
+        bar, _ = linkage.legs[0]
+        return f"{name}_{bar}", (getattr(linkage, bar), 0.0, 0.0)
+    pin: Pin = linkage.rod_end_record()["far"]
     return pin.link, pin.at
 
 
@@ -198,44 +198,61 @@ def _rod(
     )
 
 
-def _four_bar(
-    name: str, cylinder: Cylinder, linkage: FourBar, rigid: RigidPoses
-) -> tuple[Body, Body]:
-    """Rocker and coupler; the coupler ends on the lug."""
-    link, knee = linkage.pivot.link, linkage.ends(rigid)[1]
-    pivot, lug = (linkage.point(rigid, pin) for pin in (linkage.pivot, linkage.lug))
-    rocker = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, knee - pivot))
-    coupler = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, lug - knee))
-    bend, masses = coupler.raise_ - rocker.raise_, cylinder.moving_masses
-    bars = (
-        ("rocker", link, linkage.pivot.at, linkage.rocker, rocker.raise_),
-        ("coupler", f"{name}_rocker", (linkage.rocker, 0.0, 0.0), linkage.coupler, bend),
+def _legs(name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses) -> Iterator[Body]:
+    """Bars that carry the rod end: the first turns about its pin, the others about the rod end.
+
+    They lie in the x–z plane of the first one's link; the others end on their own pins.
+    """
+    if not linkage.legs:
+        return
+    (first, pivot), *others = ((bar, _pin(linkage, pin)) for bar, pin in linkage.legs)
+    link, end = pivot.link, linkage.ends(rigid)[1]
+    along = _in_plane(linkage, rigid, link, end - linkage.point(rigid, pivot))
+    raised = _Lines.between(linkage, rigid, link, along).raise_
+    length = getattr(linkage, first)
+    body = Body(
+        name=f"{name}_{first}",
+        parent=link,
+        kind="continuous",
+        axis=(0.0, -1.0, 0.0),
+        place=pivot.at,
+        turn=(0.0, -float(raised[-1]), 0.0),
+        span=(0.0, length),
+        diameter=0.6 * cylinder.bore,
+        offsets=(0.0,),
+        colour=BAR,
+        mass=cylinder.moving_masses.get(first, 0.0),
+        bar=(0.0, length),
+        positions=_turns(raised),
     )
-    first, second = (
-        Body(
-            name=f"{name}_{part}",
-            parent=parent,
-            kind="continuous",
-            axis=(0.0, -1.0, 0.0),
-            place=place,
-            turn=(0.0, -float(angles[-1]), 0.0),
-            span=(0.0, length),
-            diameter=0.6 * cylinder.bore,
-            offsets=(0.0,),
-            colour=BAR,
-            mass=masses.get(part, 0.0),
-            bar=(0.0, length),
-            positions=_turns(angles),
+    yield body
+    for bar, pin in others:
+        along = _in_plane(linkage, rigid, link, linkage.point(rigid, pin) - end)
+        bend = _Lines.between(linkage, rigid, link, along).raise_ - raised
+        yield replace(
+            body,
+            name=f"{name}_{bar}",
+            parent=body.name,
+            place=(length, 0.0, 0.0),
+            turn=(0.0, -float(bend[-1]), 0.0),
+            span=(0.0, getattr(linkage, bar)),
+            mass=cylinder.moving_masses.get(bar, 0.0),
+            bar=(0.0, getattr(linkage, bar)),
+            positions=_turns(bend),
+            closes=pin.link,
+            end=(getattr(linkage, bar), 0.0, 0.0),
+            pin=pin.at,
         )
-        for part, parent, place, length, angles in bars
-    )
-    end = (linkage.coupler, 0.0, 0.0)
-    return first, replace(second, closes=linkage.lug.link, end=end, pin=linkage.lug.at)
 
 
-def _in_plane(linkage: FourBar, rigid: RigidPoses, vector: Array) -> Array:
-    """The part of vectors (n, 3) in the plane of a four-bar."""
-    normal = linkage.arm.link_rotation(rigid, linkage.pivot.link)[:, :, 1]
+def _pin(linkage: Linkage, name: str) -> Pin:
+    pin: Pin = getattr(linkage, name)
+    return pin
+
+
+def _in_plane(linkage: Linkage, rigid: RigidPoses, link: str, vector: Array) -> Array:
+    """The part of vectors (n, 3) in the x–z plane of a link."""
+    normal = linkage.arm.link_rotation(rigid, link)[:, :, 1]
     return np.asarray(vector - np.einsum("ni,ni->n", vector, normal)[:, None] * normal)
 
 
