@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,7 @@ ROD, BARREL, BAR = (0.75, 0.77, 0.80, 1), (0.25, 0.27, 0.30, 1), (0.45, 0.46, 0.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Body:
+class CylinderBody:
     """A barrel, rod, rocker or coupler, or a swivel without extent before a barrel.
 
     Attributes:
@@ -77,7 +77,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class _Lines:
+class _Directions:
     """Angles and length of a line from a pin, in its link's frame (n + 1,), the reference last."""
 
     pan: Array
@@ -85,7 +85,7 @@ class _Lines:
     length: Array
 
     @classmethod
-    def between(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Lines:
+    def between(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Directions:
         rotation = linkage.arm.link_rotation(rigid, link)
         x, y, z = np.moveaxis((np.swapaxes(rotation, 1, 2) @ ends[:, :, None])[..., 0], 1, 0)
         length = np.sqrt(x**2 + y**2 + z**2)
@@ -94,7 +94,7 @@ class _Lines:
         return cls(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)), length)
 
 
-def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Body, ...]:
+def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[CylinderBody, ...]:
     """Bodies of all cylinders that move a joint, with the positions of their joints at q (n, nq).
 
     Args:
@@ -103,7 +103,7 @@ def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Body,
         reference: the pose (nq,) at which all their joints are 0.
     """
     rigid = machine.arm.kinematics(np.concatenate([q, reference[None]]))
-    bodies: list[Body] = []
+    bodies: list[CylinderBody] = []
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         name = _stem(machine, cylinder.name)
         bodies += _legs(name, cylinder, linkage, rigid)
@@ -130,10 +130,10 @@ def _rod_end(name: str, linkage: Linkage) -> tuple[str, tuple[float, float, floa
 
 def _cylinder(
     machine: Machine, name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses
-) -> Iterator[Body]:
+) -> Iterator[CylinderBody]:
     """Swivel if needed, barrel and rod."""
     base, end = linkage.ends(rigid)
-    lines = _Lines.between(linkage, rigid, linkage.base.link, end - base)
+    lines = _Directions.between(linkage, rigid, linkage.base.link, end - base)
     outer = float(barrel_outer(cylinder.bore, cylinder.barrel_wall, machine.supply.pressure))
     eye = max(min(0.8 * cylinder.bore, 0.3 * cylinder.dead_length), 0.0)
     middle = (cylinder.count - 1) / 2
@@ -141,7 +141,7 @@ def _cylinder(
     parent, place = linkage.base.link, linkage.base.at
     if np.any(lines.pan):
         pan = float(lines.pan[-1])
-        yield Body(
+        yield CylinderBody(
             name=f"{name}_swivel",
             parent=parent,
             kind="continuous",
@@ -151,7 +151,7 @@ def _cylinder(
             positions=lines.pan[:-1] - pan,
         )
         parent, place = f"{name}_swivel", (0.0, 0.0, 0.0)
-    yield Body(
+    yield CylinderBody(
         name=f"{name}_barrel",
         parent=parent,
         kind="continuous",
@@ -174,11 +174,11 @@ def _rod(
     linkage: Linkage,
     lengths: Array,
     drawn: tuple[float, tuple[float, ...]],
-) -> Body:
+) -> CylinderBody:
     """The rod in its barrel; ``drawn``: the length of an eye, and offsets along y [m]."""
     (eye, offsets), first, closed = drawn, float(lengths[-1]), cylinder.closed_length
     target, pin = _rod_end(name, linkage)
-    return Body(
+    return CylinderBody(
         name=f"{name}_rod",
         parent=f"{name}_barrel",
         kind="prismatic",
@@ -198,7 +198,9 @@ def _rod(
     )
 
 
-def _legs(name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses) -> Iterator[Body]:
+def _legs(
+    name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses
+) -> Iterator[CylinderBody]:
     """Bars that carry the rod end: the first turns about its pin, the others about the rod end.
 
     They lie in the x–z plane of the first one's link; the others end on their own pins.
@@ -208,41 +210,44 @@ def _legs(name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses) ->
     (first, pivot), *others = ((bar, _pin(linkage, pin)) for bar, pin in linkage.legs)
     link, end = pivot.link, linkage.ends(rigid)[1]
     along = _in_plane(linkage, rigid, link, end - linkage.point(rigid, pivot))
-    raised = _Lines.between(linkage, rigid, link, along).raise_
-    length = getattr(linkage, first)
-    body = Body(
-        name=f"{name}_{first}",
-        parent=link,
+    raised = _Directions.between(linkage, rigid, link, along).raise_
+    start, length = _Joint(link, pivot.at), getattr(linkage, first)
+    yield _leg(name, cylinder, (first, length), start, raised)
+    for bar, pin in others:
+        along = _in_plane(linkage, rigid, link, linkage.point(rigid, pin) - end)
+        bend = _Directions.between(linkage, rigid, link, along).raise_ - raised
+        joint, own = _Joint(f"{name}_{first}", (length, 0.0, 0.0)), getattr(linkage, bar)
+        body = _leg(name, cylinder, (bar, own), joint, bend)
+        yield replace(body, closes=pin.link, end=(own, 0.0, 0.0), pin=pin.at)
+
+
+class _Joint(NamedTuple):
+    """Place of a joint in the frame of the link or body that carries it [m]."""
+
+    parent: str
+    place: tuple[float, float, float]
+
+
+def _leg(
+    name: str, cylinder: Cylinder, bar: tuple[str, float], joint: _Joint, angles: Array
+) -> CylinderBody:
+    """A bar by its name and length [m], turned by angles (n + 1,), the reference last."""
+    part, length = bar
+    return CylinderBody(
+        name=f"{name}_{part}",
+        parent=joint.parent,
         kind="continuous",
         axis=(0.0, -1.0, 0.0),
-        place=pivot.at,
-        turn=(0.0, -float(raised[-1]), 0.0),
+        place=joint.place,
+        turn=(0.0, -float(angles[-1]), 0.0),
         span=(0.0, length),
         diameter=0.6 * cylinder.bore,
         offsets=(0.0,),
         colour=BAR,
-        mass=cylinder.moving_masses.get(first, 0.0),
+        mass=cylinder.moving_masses.get(part, 0.0),
         bar=(0.0, length),
-        positions=_turns(raised),
+        positions=_turns(angles),
     )
-    yield body
-    for bar, pin in others:
-        along = _in_plane(linkage, rigid, link, linkage.point(rigid, pin) - end)
-        bend = _Lines.between(linkage, rigid, link, along).raise_ - raised
-        yield replace(
-            body,
-            name=f"{name}_{bar}",
-            parent=body.name,
-            place=(length, 0.0, 0.0),
-            turn=(0.0, -float(bend[-1]), 0.0),
-            span=(0.0, getattr(linkage, bar)),
-            mass=cylinder.moving_masses.get(bar, 0.0),
-            bar=(0.0, getattr(linkage, bar)),
-            positions=_turns(bend),
-            closes=pin.link,
-            end=(getattr(linkage, bar), 0.0, 0.0),
-            pin=pin.at,
-        )
 
 
 def _pin(linkage: Linkage, name: str) -> Pin:
