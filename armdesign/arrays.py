@@ -84,28 +84,30 @@ def side_by_side(values: Iterable[Any]) -> Array:
 
 
 def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array) -> Array:
-    """Percentiles (k,) of values (n,) with weights (n,) ≥ 0, linear between neighbours.
+    """Percentiles (…, k) of values (…, n) with weights (…, n) ≥ 0, linear between neighbours.
 
     0 % and 100 % are least and greatest of all values, also of weight zero; equal weights give
     ``np.percentile``, and so do weights that are all zero. Infinite values are allowed.
     """
-    if not weights.any():
-        weights = np.ones(len(values))
-    order = np.argsort(values, kind="stable")
-    values, weights = values[order], weights[order]
-    below = np.cumsum(weights) - weights / 2
-    place = below - below[0]
+    weights = np.where(weights.any(axis=-1, keepdims=True), weights, 1.0)
+    order = np.argsort(values, axis=-1, kind="stable")
+    values, weights = (np.take_along_axis(each, order, -1) for each in (values, weights))
+    below = np.cumsum(weights, axis=-1) - weights / 2
+    place = below - below[..., :1]
     shares = np.asarray(percents, dtype=float) / 100
-    at = shares * place[-1]
-    last = len(values) - 1
-    after = np.clip(np.searchsorted(place, at, side="left"), min(1, last), last)
+    at = shares * place[..., -1:]
+    last = values.shape[-1] - 1
+    above = (place[..., None, :] < at[..., :, None]).sum(axis=-1)
+    after = np.clip(above, min(1, last), last)
     before = np.maximum(after - 1, 0)
-    step = place[after] - place[before]
-    part = np.clip((at - place[before]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
-    pairs = ((before, 1 - part), (after, part))
-    mixed = [np.where(share > 0, values[rows], 0.0) * share for rows, share in pairs]
-    ends = np.where(shares < 0.5, values[0], values[-1])
-    return np.where((shares > 0) & (shares < 1), mixed[0] + mixed[1], ends)
+    near, far = (np.take_along_axis(place, rows, -1) for rows in (before, after))
+    step = far - near
+    part = np.clip((at - near) / np.where(step > 0, step, 1.0), 0.0, 1.0)
+    mixed = np.zeros_like(at)
+    for rows, share in ((before, 1 - part), (after, part)):
+        mixed += np.where(share > 0, np.take_along_axis(values, rows, -1), 0.0) * share
+    ends = np.where(shares < 0.5, values[..., :1], values[..., -1:])
+    return np.where((shares > 0) & (shares < 1), mixed, ends)
 
 
 def weighted_share(flags: Flags, weights: Array) -> float:

@@ -336,6 +336,7 @@ def paper(run: Run) -> None:
     """
     from armdesign import plots
     from armdesign.paper import reproduction
+    from armdesign.paper.configurations import FORMULAS
     from armdesign.paper.errata import errata, errata_frame, scan
     from armdesign.paper.sheets import paper_sheets
     from armdesign.simulation.identification.sweep_bias import sweep_bias
@@ -346,7 +347,10 @@ def paper(run: Run) -> None:
         reproduced = reproduction.reproduce()
         listed_errata, scanned, bias = errata(reproduced.mechanism), scan(), sweep_bias()
     pictures = {"3_4": "static_11", "5_6": "joint_42_as_printed", "5_6_exact": "joint_exact"}
-    captions = {f"paper_figures_{name}.png": f"Errors of {f}" for name, f in pictures.items()}
+    captions = {
+        f"paper_figures_{name}.png": f"Frequencies of the sweeps beside {FORMULAS[formula]}"
+        for name, formula in pictures.items()
+    }
     sheets = paper_sheets(reproduced, listed_errata, scanned, bias)
     title = "The source paper's 40 configurations, simulated"
     with run.writing(out) as folder:

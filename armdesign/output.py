@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 import shlex
 import sys
@@ -45,28 +46,39 @@ changed: list[Path] = []  # files that this process has written
 def write_csv(frame: pd.DataFrame, path: Path) -> None:
     """Write a frame as CSV with nine digits, and no text in it that a spreadsheet would run.
 
-    To the letter what ``DataFrame.to_csv`` writes, in a third of its time.
+    To the letter what ``DataFrame.to_csv`` writes, in a fraction of its time.
     """
-    columns = [_cells(frame.iloc[:, k]) for k in range(frame.shape[1])]
+    parts = (frame.iloc[:, k] for k in range(frame.shape[1]))
+    columns = [[_as_written(part.name), *_cells(part)] for part in parts]
+    if len(columns) == 1:  # an empty line would be none
+        columns = [[cell or '""' for cell in columns[0]]]
+    lines = map(",".join, zip(*columns, strict=True))
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator=os.linesep)
-        writer.writerow(map(_plain, frame.columns))
-        writer.writerows(zip(*columns, strict=True))
+        file.write(os.linesep.join([*lines, ""]))
 
 
-def _cells(column: pd.Series[Any]) -> list[Any]:
-    """Cells of a column, empty where there is none."""
-    missing = column.isna().to_numpy()
+def _cells(column: pd.Series[Any]) -> list[str]:
+    """Cells of a column as CSV has them, empty where there is none."""
+    values = column.tolist()
     if column.dtype.kind == "f":
-        lines = f"%.{DIGITS}g\n" * len(column) % tuple(column.tolist())
-        cells: list[Any] = lines.split("\n")[:-1]
+        cells = (f"%.{DIGITS}g\n" * len(values) % tuple(values)).split("\n")[:-1]
+    elif column.dtype.kind in "iub":
+        cells = list(map(str, values))
     else:
-        cells = list(map(_plain, column.tolist()))
-    return ["" if none else cell for cell, none in zip(cells, missing, strict=True)]
+        words = {value for value in values if isinstance(value, str)}
+        texts = {word: _as_written(word) for word in words}
+        cells = [texts[v] if isinstance(v, str) else _as_written(v) for v in values]
+    for place in column.isna().to_numpy().nonzero()[0]:
+        cells[place] = ""
+    return cells
 
 
-def _plain(cell: Any) -> Any:
-    return plain_text(cell) if isinstance(cell, str) else cell
+def _as_written(cell: Any) -> str:
+    """A cell as CSV has it: quoted where it must be, and no formula."""
+    line = io.StringIO()
+    plain = plain_text(cell) if isinstance(cell, str) else cell
+    csv.writer(line, lineterminator=os.linesep).writerow([plain, ""])
+    return line.getvalue().removesuffix(f",{os.linesep}")
 
 
 def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.calibration.measured import Measured
 from armdesign.errors import ArmDesignError
+from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.oil_spring import oil_stiffness
@@ -90,9 +91,7 @@ class Predictor:
         frequencies = np.zeros(len(measured))
         loads = np.zeros((len(measured), len(machine.actuators)))
         areas = np.array([actuator.bore_area for actuator in machine.actuators])
-        for payload in dict.fromkeys(measured.payloads):
-            rows = np.array([one == payload for one in measured.payloads])
-            loaded = machine if payload is None else machine.with_payload(payload)
+        for loaded, rows in groups_by_case(machine, measured.payloads):
             poses = loaded.evaluate(rigid[rows])
             held = _stiffness(machine, measured, rows, poses)
             modes = natural_modes(dataclasses.replace(poses, oil_stiffness=held)).frequencies

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, closed_loop
-from armdesign.control.damping import controllable
 from armdesign.control.loop_plant import LoopPlant, loop_plant
+from armdesign.control.stated_damping import controllable
 from armdesign.errors import SimulationError
 from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import SymmetricValve

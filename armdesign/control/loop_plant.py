@@ -18,7 +18,12 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, Flags, ReadOnly
-from armdesign.control.damping import checked_damping, controllable, modal_damping, refuse_undamped
+from armdesign.control.stated_damping import (
+    checked_damping,
+    controllable,
+    modal_damping,
+    refuse_undamped,
+)
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import natural_modes
 from armdesign.hydraulics.actuator import areas_of

@@ -22,7 +22,7 @@ from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.file_changes import with_todays_structure
-from armdesign.design.search.infeasibility.refusal import not_written, require_feasible
+from armdesign.design.search.infeasibility.explanation import not_written, require_feasible
 from armdesign.design.search.multistart import Starts
 from armdesign.design.search.prices import LEAST_PRICE, prices
 from armdesign.design.search.rounding import CheckedMachine, rounded_machine

@@ -33,7 +33,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.infeasibility.refusal import require_feasible
+from armdesign.design.search.infeasibility.explanation import require_feasible
 from armdesign.design.search.multistart import Starts, formulate_with_sizes, multistart, run_to_end
 from armdesign.design.search.prices import LEAST_PRICE, marginal_prices
 from armdesign.design.search.rounding import rounded_machine

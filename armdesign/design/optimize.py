@@ -13,7 +13,7 @@ from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.infeasibility.refusal import design_or_proof
+from armdesign.design.search.infeasibility.explanation import design_or_proof
 from armdesign.design.search.multistart import Starts, formulate, formulate_with_sizes, multistart
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import ArmDesignError

@@ -222,17 +222,18 @@ class SideView(ReadOnly):
         }
 
 
-def side_view(machine: Machine, q: ArrayLike) -> SideView:
+def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> SideView:
     """The side view of a machine at q (n, nq) [rad, m], one pose (nq,), or with springs (n, k).
 
     Poses out of stroke are drawn too: their cylinders are longer or shorter than they can be.
+    Outlines of the bodies are taken from a view of the machine that is ``known``.
 
     Raises:
         PoseError: q has another number of columns, or is not finite.
     """
     z, arm = _coordinates(machine, q), machine.arm
     plane = PicturePlane(arm, machine.tool.link)
-    poses, shapes = plane.poses(z), bodies(machine, plane)
+    poses, shapes = plane.poses(z), known.bodies if known is not None else bodies(machine, plane)
     where = {link: index for index, body in enumerate(shapes) for link in body.links}
     placements = np.stack([plane.placements(poses, body.link) for body in shapes], axis=1)
     pins, points, cylinders, bars, lengths = _between_pins(machine, plane, poses, where)

@@ -72,6 +72,19 @@ def load_cases(
         yield CasePoses(machine=loaded, workspace=workspace, exists=exists, link_share=link_share)
 
 
+def groups_by_case(
+    machine: Machine, payloads: Sequence[str | float | None]
+) -> Iterator[tuple[Machine, Flags]]:
+    """The machine under each load case of some poses, and which of the poses it is at (n,).
+
+    ``payloads`` holds the load case of each pose as ``Machine.with_payload`` takes it; None is the
+    load case at work.
+    """
+    for payload in dict.fromkeys(payloads):
+        loaded = machine if payload is None else machine.with_payload(payload)
+        yield loaded, np.array([one == payload for one in payloads])
+
+
 def in_chunks(
     cases: Sequence[CasePoses], what: str
 ) -> Iterator[tuple[CasePoses, Array, RigidPoses]]:

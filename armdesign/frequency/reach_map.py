@@ -313,9 +313,10 @@ def _computed(case: Machine, q: Array) -> Array:
 
 def _lowest_of_cells(points: Array, reach: Array, height: Array) -> Array:
     """Which of the points (reach, height, frequency) is the lowest of each cell that has any."""
-    cell = _cell(points, reach, height)
-    order = np.lexsort((points[:, 2], cell))
-    return np.asarray(order[np.unique(cell[order], return_index=True)[1]])
+    falling = np.argsort(points[:, 2], kind="stable")[::-1]
+    lowest = np.full(len(reach) * len(height), -1)
+    lowest[_cell(points[falling], reach, height)] = falling  # the last of a cell remains
+    return lowest[lowest >= 0]
 
 
 def _cell(points: Array, reach: Array, height: Array) -> Array:

@@ -73,6 +73,8 @@ def led_into_cells(
         nearer = (missed > 0) & (missed < STALLED * before[left])
         before[left] = missed
         left = left[nearer]
+        if len(left) == 0:
+            break
         slopes = np.concatenate([slope, tips[:, None]], axis=1)[nearer] * (high - low)
         way = _step(slopes, least[nearer], most[nearer], q[left], ranges, size)
         q[left] = np.clip(q[left] + way, low, high)

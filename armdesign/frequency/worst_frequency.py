@@ -163,13 +163,12 @@ def _descend(case: CasePoses, start: Array) -> Array | None:
     span = high - low
     payload, nq = machine.payload, len(low)
 
-    def value(x: Array) -> float:
-        return float(lowest_frequency(machine.evaluate(case.rigid_at(low + x * span)))[0])
-
-    def gradient(x: Array) -> Array:
+    def value_and_gradient(x: Array) -> tuple[float, Array]:
         ends = np.clip(x + 1e-6 * np.concatenate([np.eye(nq), -np.eye(nq)]), 0.0, 1.0)
-        f = lowest_frequency(machine.evaluate(case.rigid_at(low + ends * span)))
-        return (f[:nq] - f[nq:]) / (ends[:nq] - ends[nq:]).diagonal()
+        at = low + np.concatenate([x[None], ends]) * span
+        f = lowest_frequency(machine.evaluate(case.rigid_at(at)))
+        slopes = (f[1 : nq + 1] - f[nq + 1 :]) / (ends[:nq] - ends[nq:]).diagonal()
+        return float(f[0]), slopes
 
     def room(x: Array) -> Array:
         rigid = machine.arm.kinematics((low + x * span)[None])
@@ -179,9 +178,9 @@ def _descend(case: CasePoses, start: Array) -> Array | None:
 
     constrained = payload.pitch is not None or any(len(k.joints) > 1 for k in machine.linkages)
     result = minimize(
-        value,
+        value_and_gradient,
         (start - low) / span,
-        jac=gradient,
+        jac=True,
         bounds=[(0.0, 1.0)] * nq,
         constraints=[{"type": "ineq", "fun": room}] if constrained else [],
         method="SLSQP",

@@ -22,7 +22,7 @@ from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.spring import Spring
-from armdesign.mechanism.urdf import read_urdf, rotations, turned
+from armdesign.mechanism.urdf import read_urdf, turned
 from armdesign.transaction import undisturbed
 from armdesign.units import GRAVITY
 
@@ -237,19 +237,17 @@ class Arm:
         n, k = q.shape
         rotation, translation = np.empty((n, k, 3, 3), q.dtype), np.empty((n, k, 3), q.dtype)
         axis = np.empty((n, k, 3), q.dtype)
+        turns: dict[int, Array] = {}  # each in one piece of memory
         for index in self.outwards:
             joint = self.coordinates[index]
-            angle = q[:, index] if joint.revolute else np.zeros(n)
-            local = rotations(joint.axis, angle, joint.rotation)
-            if joint.parent < 0:
-                rotation[:, index], translation[:, index] = local, joint.translation
-            else:
-                before, foot = rotation[:, joint.parent], translation[:, joint.parent]
-                rotation[:, index] = before @ local
-                translation[:, index] = foot + turned(before, joint.translation)
-            axis[:, index] = turned(rotation[:, index], joint.axis)
-            if not joint.revolute:
-                translation[:, index] += q[:, index, None] * axis[:, index]
+            before, local = turns.get(joint.parent), joint.turned_by(q[:, index])
+            turns[index] = turn = local if before is None else before @ local
+            rotation[:, index], axis[:, index] = turn, turned(turn, joint.axis)
+            foot = joint.translation
+            if before is not None:
+                foot = translation[:, joint.parent] + turned(before, foot)
+            slide = 0.0 if joint.revolute else q[:, index, None] * axis[:, index]
+            translation[:, index] = foot + slide
         return rotation, translation, axis
 
     def kinematics(self, q: Array) -> RigidPoses:

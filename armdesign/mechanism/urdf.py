@@ -11,6 +11,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,6 +45,14 @@ class Joint:
     def unit(self) -> str:
         """Unit of its position: "rad" or "m"."""
         return "rad" if self.revolute else "m"
+
+    @cached_property
+    def _turning(self) -> Array:
+        return turning(self.axis, self.rotation)
+
+    def turned_by(self, q: Array) -> Array:
+        """Its frame in the frame of the joint before it (n, 3, 3) at positions (n,) [rad, m]."""
+        return rotated(self._turning, q if self.revolute else np.zeros(len(q)))
 
 
 @dataclass(frozen=True)
@@ -94,13 +103,22 @@ def read_urdf(
     return ET.tostring(robot, encoding="unicode"), moving, links
 
 
-def rotations(axis: Array, angle: Array, before: Array | None = None) -> Array:
-    """Rotation matrices (n, 3, 3) about a unit axis (Rodrigues), after ``before`` (3, 3)."""
+def rotations(axis: Array, angle: Array) -> Array:
+    """Rotation matrices (n, 3, 3) about a unit axis."""
+    return rotated(turning(axis, np.eye(3)), angle)
+
+
+def turning(axis: Array, before: Array) -> Array:
+    """Parts (3, 9) of rotations about a unit axis, after ``before`` (3, 3): 1, K and K²."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    first = np.eye(3) if before is None else before
-    parts = np.stack([first, first @ cross, first @ cross @ cross]).reshape(3, 9)
-    factors = np.stack([np.ones_like(angle), np.sin(angle), 1 - np.cos(angle)], axis=1)
+    return np.stack([before, before @ cross, before @ cross @ cross]).reshape(3, 9)
+
+
+def rotated(parts: Array, angle: Array) -> Array:
+    """Rotation matrices (n, 3, 3): 1 + K sin φ + K² (1 − cos φ) by angles (n,), parts (3, 9)."""
+    factors = np.empty((len(angle), 3), np.result_type(angle, float))
+    factors[:, 0], factors[:, 1], factors[:, 2] = 1.0, np.sin(angle), 1 - np.cos(angle)
     return np.asarray(factors @ parts).reshape(-1, 3, 3)
 
 

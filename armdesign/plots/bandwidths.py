@@ -11,6 +11,7 @@ from armdesign.plots.canvas import (
     COMPUTED,
     INK,
     MARK,
+    below,
     figure,
     joint_label,
     joint_values,
@@ -28,8 +29,8 @@ BANDWIDTH = "bandwidth of narrowest loop [Hz]"
 GAIN = "position gain [1/s]"
 TITLES = {
     "proportional": "position loops alone",
-    "damped": "+ pressure feedback, common gains",
-    "own": "+ pressure feedback, own gains",
+    "damped": "+ pressure feedback,\ncommon gains",
+    "own": "+ pressure feedback,\nown gains",
 }
 
 
@@ -71,7 +72,7 @@ def bandwidth_map(
         label = f"{words}: {row[f'{scheme}_hz']:.3g} Hz"
         ax.plot(*at, "o", ms=11, mfc="none", mec="white", mew=4)
         ax.plot(*at, "o", ms=11, mfc="none", mec=colour, mew=2, label=label)
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, frameon=False, fontsize=9)
+    ax.legend(loc="upper center", bbox_transform=below(ax, 0.45), bbox_to_anchor=(0.5, 0.0))
     return ax
 
 
@@ -80,7 +81,7 @@ def bandwidth_maps(bandwidths: BandwidthMap) -> Any:
     """Figure of all controllers of a map in a row, on one colour scale."""
     values = np.concatenate([_least(bandwidths, scheme)[2].ravel() for scheme in TITLES])
     low, high = float(values[values > 0].min()), float(np.nanmax(values))
-    fig, axes = figure(len(TITLES), 5.6, 5.0)
+    fig, axes = figure(len(TITLES), 5.6, 6.6)
     for ax, scheme in zip(axes, TITLES, strict=True):
         bandwidth_map(bandwidths, ax, scheme, vmin=low, vmax=high)
         if len(drawn_joints(bandwidths.machine)) == 1:

@@ -64,7 +64,8 @@ def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
     first = next(iter(machines.values()))
     spans = list(next(iter(curves.values())))
     across = min(len(spans), ACROSS)
-    fig, axes = figure(across, 4.4, 3.2, rows=2 * math.ceil(len(spans) / across))
+    height = min(3.2, 1.6 * across)
+    fig, axes = figure(across, 4.4, height, rows=2 * math.ceil(len(spans) / across))
     pairs = axes.reshape(-1, 2, across).swapaxes(1, 2).reshape(-1, 2)  # torque below moment arm
     for unused in pairs[len(spans) :].ravel():
         unused.set_visible(False)

@@ -41,13 +41,16 @@ def lift_chart(chart: LiftChart, ax: Any = None, **limits: float) -> Any:
 @literal
 def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
     """Figure of one chart, or of two on one colour scale with their ratio beside them."""
-    fig, axes = figure(1 if len(charts) == 1 else 3, 4.6, 7.0)
+    fig, axes = figure(1, 7.0, 4.6) if len(charts) == 1 else figure(3, 4.6, 7.0)
     most = max(float(chart.capacity.max()) for chart in charts.values())
     for ax, (label, chart) in zip(axes, charts.items(), strict=False):
         lift_chart(chart, ax, vmin=0.0, vmax=most)
         ax.set_title(label, fontsize=11)
-    if len(charts) > 1:
+    if len(charts) == 1:
+        axes[0].set_aspect("auto")  # tall and narrow charts would be a column amid white paper
+    else:
         hide_colour_bar(axes[0])  # the second chart has the same
+        ends = np.array([(*ax.get_xlim(), *ax.get_ylim()) for ax in axes[:2]])
         places = [
             {(x, z): mass for x, z, mass in zip(c.reach, c.height, c.capacity, strict=True)}
             for c in charts.values()
@@ -57,7 +60,10 @@ def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
         words = [(f"{value:.2f}",) for value in ratio]
         at = np.array(both).reshape(-1, 2).T
         _points(axes[2], (at[0], at[1]), ratio, words, "ratio", "RdBu", {"vmin": 0.5, "vmax": 1.5})
-        axes[2].set_title(" over ".join(reversed(list(charts))), fontsize=11)
+        axes[2].set_title(" over\n".join(reversed(list(charts))), fontsize=11)
+        (left, _, low, _), (_, right, _, high) = ends.min(axis=0), ends.max(axis=0)
+        for ax in axes:  # to one scale
+            ax.set(xlim=(left, right), ylim=(low, high))
     return fig
 
 
@@ -71,12 +77,12 @@ def _points(
     limits: Mapping[str, float],
 ) -> None:
     """Coloured points with lines of words below them."""
-    drawn = ax.scatter(*at, c=values, s=260, cmap=colours, edgecolors=INK, zorder=3, **limits)
+    drawn = ax.scatter(*at, c=values, s=130, cmap=colours, edgecolors=INK, zorder=3, **limits)
     colour_bar(ax, drawn, label)
     style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
     for x, z, lines in zip(*at, words, strict=True):
         for k, line in enumerate(lines):
-            ax.annotate(line, (x, z), (0, -9 - 8 * k), textcoords="offset points", **style)
+            ax.annotate(line, (x, z), (0, -6.5 - 7 * k), textcoords="offset points", **style)
     ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
     ax.margins(0.12)
     ax.grid(alpha=0.3)

@@ -113,7 +113,7 @@ def _figure(scene: Scene, index: int, numbers: Iterator[int]) -> Model:
         title=model("Title", text=scene.machines[index].label),
         renderers=[cells, marks],
         toolbar=model("Toolbar", tools=[*tools, hover], logo=None),
-        toolbar_location="above",
+        toolbar_location="below",
         left=[left],
         below=[below],
         center=[grid(0, below), grid(1, left)],

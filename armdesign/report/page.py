@@ -10,30 +10,28 @@ import io
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from armdesign.errors import printable
 from armdesign.report.contents import Picture, Report
 from armdesign.report.interactive import interactive
 from armdesign.report.sheet import Sheet
 
-COLOURS = 40  # of a picture on the page: enough for maps, a third of the size
-WIDE = 1.6  # times the height
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+COLOURS = 128  # of a picture on the page: enough for maps, a third of the size
 WIDEST = 1200  # [pixels] of a picture on the page
 PAPER = 95  # letters in a line of a printed table
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
 
 class EmbeddedPicture(NamedTuple):
-    """A picture on the page; no data where the folder lacks its file.
-
-    ``wide``: much wider than high, which phones scroll.
-    """
+    """A picture on the page; no data where the folder lacks its file."""
 
     caption: str
     file: str
     data: str
-    wide: bool = False
 
 
 def page(report: Report, folder: Path) -> str:
@@ -93,13 +91,26 @@ def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
     path = folder / Path(picture.file).name  # of no other folder
     try:
         with Image.open(path) as image:
-            plain = Image.new("RGB", image.size, "white")
-            rgba = image.convert("RGBA")
-            plain.paste(rgba, mask=rgba.getchannel("A"))
-            plain.thumbnail((WIDEST, 4 * WIDEST))
-            few, stream = plain.quantize(COLOURS), io.BytesIO()
-            few.save(stream, format="PNG", optimize=True)
+            plain = _on_white(image)
+        plain.thumbnail((WIDEST, 4 * WIDEST))
+        few, stream = plain.quantize(COLOURS, Image.Quantize.FASTOCTREE), io.BytesIO()
+        white = (255 if value == 254 else value for value in few.getpalette() or ())
+        few.putpalette(list(white))  # the octree's brightest is one step below
+        few.save(stream, format="PNG")
     except (OSError, UnidentifiedImageError):
         return EmbeddedPicture(picture.caption, picture.file, "")
     data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return EmbeddedPicture(picture.caption, picture.file, data, plain.width > WIDE * plain.height)
+    return EmbeddedPicture(picture.caption, picture.file, data)
+
+
+def _on_white(image: Image) -> Image:
+    """A picture without transparency."""
+    from PIL.Image import new
+
+    rgba = image.convert("RGBA")
+    alpha = rgba.getchannel("A")
+    if alpha.getextrema() == (255, 255):
+        return rgba.convert("RGB")
+    plain = new("RGB", image.size, "white")
+    plain.paste(rgba, mask=alpha)
+    return plain

@@ -19,6 +19,7 @@ import numpy as np
 from armdesign.arrays import Array, percentiles
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import swung
+from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
 
@@ -164,21 +165,38 @@ def _cells(frequencies: FrequencyMap, planes: list[dict[int, Array]]) -> _Cells:
     rows_of = {0: np.arange(len(frame))}
     for k, name in enumerate(frequencies.worst_of):
         rows_of[k + 1] = np.flatnonzero(payload == name)
-    table, values = list[tuple[int, ...]](), list[tuple[float, ...]]()
+    tables, values = list[Array](), list[Array]()
     for plane, grids in enumerate(planes):
         cell = np.zeros(len(frame), dtype=int)
         for j, middles in grids.items():
             place = nearest(middles, frame[names[j]].to_numpy()) if len(middles) > 1 else 0
             cell = cell * len(middles) + place
         for case, rows in rows_of.items():
-            order = rows[np.argsort(cell[rows], kind="stable")]
-            ends = np.flatnonzero(np.diff(cell[order])) + 1
-            for group in np.split(order, ends):
-                worst = group[lowest[group].argmin()]
-                table.append((plane, case, int(cell[worst]), int(worst)))
-                spread = percentiles(lowest[group], frequencies.weights[group], PERCENTS)
-                values.append((float(lowest[worst]), *spread.tolist()))
-    return _Cells(table=np.array(table), frequencies=np.array(values))
+            worst, spread = _worst_of_each(cell, rows, lowest, frequencies.weights)
+            head = np.tile([plane, case], (len(worst), 1))
+            tables.append(np.column_stack([head, cell[worst], worst]))
+            values.append(np.column_stack([lowest[worst], spread]))
+    return _Cells(table=np.concatenate(tables), frequencies=np.concatenate(values))
+
+
+def _worst_of_each(cell: Array, rows: Array, lowest: Array, weights: Array) -> tuple[Array, Array]:
+    """Row of the lowest frequency in every cell (m,), and percentiles of each (m, k).
+
+    Args:
+        cell: in which each row of a map lies (n,).
+        rows: that count.
+        lowest: frequency of each row (n,) [Hz].
+        weights: of the rows (n,).
+    """
+    order = rows[np.argsort(cell[rows], kind="stable")]
+    _, first, counts = np.unique(cell[order], return_index=True, return_counts=True)
+    worst, spread = np.empty(len(first), dtype=int), np.empty((len(first), len(PERCENTS)))
+    for count in np.unique(counts):  # cells of as many rows at once
+        alike = np.flatnonzero(counts == count)
+        group = order[first[alike, None] + np.arange(count)]
+        worst[alike] = group[np.arange(len(alike)), lowest[group].argmin(axis=1)]
+        spread[alike] = percentiles(lowest[group], weights[group], PERCENTS)
+    return worst, spread
 
 
 def _drawn_machine(
@@ -194,7 +212,8 @@ def _drawn_machine(
     modes = range(shapes.shape[-1])
     view = side_view(machine, q)
     amplitude = SWING * view.size
-    moved = [side_view(machine, swung(machine, q, shapes[..., k], amplitude)) for k in modes]
+    swings = (swung(machine, q, shapes[..., k], amplitude) for k in modes)
+    moved = [side_view(machine, at, known=view) for at in swings]
     loose = _loose(view)
     placed, *gone = (_numbers(one, loose) for one in (view, *moved))
     factors = np.array([_factor(joint) for joint in machine.arm.joints])
@@ -226,11 +245,8 @@ def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array
     most = min(count, MODES)
     shapes = np.zeros((len(q), count, most))
     limits, lowest = np.zeros((len(q), most), dtype=int), np.zeros((len(q), most))
-    for k, payload in enumerate(machine.payloads):
-        rows = np.flatnonzero(case == k)
-        if not len(rows):
-            continue
-        loaded = machine.with_payload(payload.name)
+    names = [machine.payloads[k].name for k in case]
+    for loaded, rows in groups_by_case(machine, names):
         poses = loaded.evaluate(loaded.rigid_poses(q[rows]))
         modes = natural_modes(poses)
         shapes[rows], lowest[rows] = modes.shapes[:, :, :most], modes.frequencies[:, :most]

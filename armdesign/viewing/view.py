@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.damping import checked_damping
+from armdesign.control.stated_damping import checked_damping
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.maps import frequency_map

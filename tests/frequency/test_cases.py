@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.frequency.cases import in_chunks, load_cases
+from armdesign.frequency.cases import groups_by_case, in_chunks, load_cases
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.worst_frequency import worst_frequency
 from tests import machines
@@ -59,3 +59,16 @@ def test_shares_scale_payloads_and_links(rigid_excavator: ad.Machine) -> None:
         nominal.frequency, rel=1e-9
     )
     assert heavy.frequency < nominal.frequency
+
+
+def test_poses_are_grouped_by_the_load_case_of_each() -> None:
+    machine = machines.named("excavator_20t")
+    payloads = ("full", None, 250.0, "full", "empty")
+    groups = [
+        (loaded.payload, rows.tolist()) for loaded, rows in groups_by_case(machine, payloads)
+    ]
+    assert [(case.name, case.mass) for case, _ in groups] == [
+        *(("full", 1600.0), (machine.payload.name, machine.payload.mass)),
+        *(("250 kg", 250.0), ("empty", 0.0)),
+    ]
+    assert [np.flatnonzero(rows).tolist() for _, rows in groups] == [[0, 3], [1], [2], [4]]

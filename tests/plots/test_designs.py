@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armdesign import plots
+from armdesign import lift_chart, plots
 from tests import machines
 
 
@@ -49,3 +49,19 @@ def test_curves_of_a_motor() -> None:
     wanted = machine.supply.pressure * machine.motors[0].bore_area / 1000
     for line in torques.lines:
         assert line.get_ydata() == pytest.approx(np.full(len(line.get_ydata()), wanted))
+
+
+def test_lift_charts_of_two_machines_have_one_scale() -> None:
+    """Points of both lie within the axes of either; the ratio is that of the points they share."""
+    charts = {
+        name: lift_chart(machines.named(name)) for name in ("excavator_20t", "excavator_12t")
+    }
+    fig = plots.lift_charts(charts)
+    spans = {(*ax.get_xlim(), *ax.get_ylim()) for ax in fig.axes[:3]}
+    assert len(spans) == 1
+    (left, right, low, high) = next(iter(spans))
+    for ax, chart in zip(fig.axes, charts.values(), strict=False):
+        points = ax.collections[0].get_offsets()
+        np.testing.assert_allclose(points, np.column_stack([chart.reach, chart.height]))
+        assert np.all((left < chart.reach) & (chart.reach < right))
+        assert np.all((low < chart.height) & (chart.height < high))

@@ -17,7 +17,7 @@ from armdesign.design.requirements.holding import Lift
 from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.record import Concession
 from armdesign.design.search.infeasibility.concessions import conflict_error
-from armdesign.design.search.infeasibility.refusal import GRANTS, design_or_proof
+from armdesign.design.search.infeasibility.explanation import GRANTS, design_or_proof
 from armdesign.errors import InfeasibleError
 from armdesign.machine.file.key_paths import bounds
 from tests.design.designs import MACHINES, problem_of, workspace_of

@@ -1,4 +1,4 @@
-"""Refusals: why no design can be written, and a relaxation that was tried and is enough.
+"""Explanation of infeasibility: why no design is possible, and a relaxation that is enough.
 
 Conflicts are sought with limits tightened by what rounding takes. The requirements are relaxed,
 and a design is sought and rounded near the one that misses least; where that fails, they are
