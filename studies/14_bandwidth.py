@@ -1,7 +1,7 @@
 """How much bandwidth does the new 20 t machine buy, and what does 1 % of air take?
 
-The new machine's 0.145 Hz is 11 % more than 0.131 Hz, where its frequency is 7 % higher. Without
-pressure feedback both have 0.004 Hz. 1 % of air takes 23 % of the frequency, 36 % of the bandwidth.
+The new one's 0.145 Hz is 11 % more than 0.131 Hz; its frequency is 7 % higher. Without pressure
+feedback both have 0.004 Hz. 1 % of air takes 23 % of the frequency and 36 % of the bandwidth.
 """
 
 from __future__ import annotations

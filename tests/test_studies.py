@@ -236,7 +236,8 @@ def test_bandwidth_finds_its_headline() -> None:
     module = study("14_bandwidth")
     words = module.__doc__ or ""
     new, today, without = (float(x) for x in re.findall(r"([\d.]+) Hz", words))
-    more, higher, lost, taken = (float(x) / 100 for x in re.findall(r"(\d+) %", words)[1:])
+    shares = re.findall(r"(\d+) % (?:more|higher|of the)", words)
+    more, higher, lost, taken = (float(share) / 100 for share in shares)
     table, _ = module.run(fast=True)
     own, frequency = table["with gains of each loop's own"], table["frequency"]
     assert own["today"] == pytest.approx(today, abs=5e-4)
