@@ -74,6 +74,11 @@ def stacked(parts: Iterable[T], count: int) -> T:
     return type(part)(**values | whole)
 
 
+def congruent(turn: Array, matrix: Array) -> Array:
+    """T A Tᵀ (…, i, i) of T (…, i, j) and A (…, j, j)."""
+    return np.asarray(turn @ matrix @ np.swapaxes(turn, -1, -2))
+
+
 def side_by_side(values: Iterable[Any]) -> Array:
     """Numbers along the last axis (k,); of machines that differ row by row (n, k).
 

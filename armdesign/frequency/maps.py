@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array, ReadOnly, percentiles, weighted_share
+from armdesign.arrays import Array, ReadOnly, congruent, percentiles, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
@@ -313,7 +313,7 @@ def _stiffness_parts(poses: Poses, modes: Modes) -> Array:
     """vᵀ K_x v of the lowest mode (parts, n) [rad²/s²], with vᵀ M v = 1: they sum to ω²."""
     shape, nq = modes.shapes[:, :, :1], poses.q.shape[1]
     matrices = (poses.hydraulic_stiffness, poses.gravity_stiffness, poses.geometric_stiffness)
-    parts = [(np.swapaxes(shape, 1, 2) @ matrix @ shape)[:, 0, 0] for matrix in matrices]
+    parts = [congruent(np.swapaxes(shape, 1, 2), matrix)[:, 0, 0] for matrix in matrices]
     if poses.spring_stiffness.size:
         parts.append((poses.spring_stiffness * shape[:, nq:, 0] ** 2).sum(axis=1))
     return np.array(parts)

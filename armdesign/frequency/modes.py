@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, ReadOnly, chunks, stacked
+from armdesign.arrays import Array, Flags, ReadOnly, chunks, congruent, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.short_repr import short_repr
@@ -73,7 +73,7 @@ def natural_modes(poses: Poses) -> Modes:
 def _natural_modes(poses: Poses) -> Modes:
     mass, stiffness = poses.mass_matrix, poses.stiffness_matrix
     inverse = inverse_cholesky(poses.mass_matrix)
-    squared, vectors = np.linalg.eigh(inverse @ stiffness @ np.swapaxes(inverse, 1, 2))
+    squared, vectors = np.linalg.eigh(congruent(inverse, stiffness))
     equivalent_mass = np.abs(poses.cylinder_forces) / GRAVITY
     with np.errstate(divide="ignore"):
         rigid = hertz(poses.oil_stiffness / equivalent_mass)
@@ -93,8 +93,7 @@ def lowest_frequency(poses: Poses) -> Array:
 def _lowest(mass: Array, stiffness: Array) -> Array:
     """Lowest natural frequency of M and K (n, k, k): (n,) [Hz]."""
     inverse = inverse_cholesky(mass)
-    scaled = inverse @ stiffness @ np.swapaxes(inverse, 1, 2)
-    return hertz(np.linalg.eigvalsh(scaled)[:, 0])
+    return hertz(np.linalg.eigvalsh(congruent(inverse, stiffness))[:, 0])
 
 
 def energy_shares(poses: Poses, modes: Modes) -> Array:
@@ -153,7 +152,7 @@ def _locked(poses: Poses, mass: Array, stiffness: Array) -> Array:
         held = np.where(_in_span(arms, arms[:, i])[:, :, None], 0.0, arms)
         for rows, basis in _null_spaces(held):
             turned = np.swapaxes(basis, 1, 2)
-            locked[rows, i] = _lowest(*(turned @ m[rows] @ basis for m in (mass, stiffness)))
+            locked[rows, i] = _lowest(*(congruent(turned, m[rows]) for m in (mass, stiffness)))
     return locked
 
 

@@ -134,7 +134,7 @@ class Arm:
         """The same arm with other limits [rad, m] of one joint, to try them."""
         twin, limits = copy.copy(self), self.limits.copy()
         limits[joint] = lower, upper
-        vars(twin)["limits"] = limits
+        twin.limits = limits
         return twin
 
     @cached_property
@@ -392,7 +392,7 @@ class Arm:
             for at in range(len(own.inertias)):
                 if at != model.getJointId(joint.name):
                     own.inertias[at] = pinocchio.Inertia.Zero()
-            vars(twin)["_pinocchio"] = own, own.createData(), index
+            twin._pinocchio = own, own.createData(), index
             arms.append(twin)
         return arms
 

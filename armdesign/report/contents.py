@@ -14,6 +14,7 @@ from armdesign.errors import ArmDesignError, printable
 from armdesign.report.scene import MapScene
 from armdesign.report.sheet import Sheet
 
+AGAIN = "run the command that wrote the folder again"
 FILE = "report.json"
 PAGE = "report.html"
 FORMAT = 1  # of the file; a reader of another refuses it
@@ -81,7 +82,7 @@ class Report:
         Raises:
             ArmDesignError: the folder keeps none, or one that is not as it was written.
         """
-        path, remedy = folder / FILE, "run the command that wrote the folder again"
+        path = folder / FILE
         try:
             text = path.read_text(encoding="utf-8")
         except FileNotFoundError:
@@ -89,7 +90,7 @@ class Report:
             commands = "write one by armdesign design, map, validate, control or paper"
             raise ArmDesignError(str(folder), fault, commands) from None
         except (OSError, UnicodeDecodeError) as error:
-            raise ArmDesignError(str(path), f"cannot be read ({error})", remedy) from None
+            raise ArmDesignError(str(path), f"cannot be read ({error})", AGAIN) from None
         return cls.of_text(text, str(path))
 
     @classmethod
@@ -97,15 +98,14 @@ class Report:
         """The report of a text that ``text`` gave; errors as of ``read``."""
         import pydantic
 
-        remedy = "run the command that wrote the folder again"
         try:
             report = pydantic.TypeAdapter(cls).validate_json(text)
         except pydantic.ValidationError as error:
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"])) or "the file"
             fault = printable(f"is no report: {place}: {first['msg']}")
-            raise ArmDesignError(part, fault, remedy) from None
+            raise ArmDesignError(part, fault, AGAIN) from None
         if report.format != FORMAT:
             fault = f"has format {report.format}, and this armdesign reads {FORMAT}"
-            raise ArmDesignError(part, fault, remedy)
+            raise ArmDesignError(part, fault, AGAIN)
         return report

@@ -145,7 +145,7 @@ def _windows_of(
     if given or excitation:
         return given or [(whole.time[0], whole.time[-1])]
     values = whole.sampled(name)
-    step = float((whole.time[-1] - whole.time[0]) / (len(whole.time) - 1))
+    step = whole.step
     refuse_slow_sampling(whole.source, step)
     try:
         return found_windows(whole.source, whole.time, values)
@@ -160,8 +160,7 @@ def _windows_of(
 def _missing(whole: Recording, begin: float, end: float) -> dict[str, str]:
     """That a window reaches beyond the recording, if it does."""
     first, last = float(whole.time[0]), float(whole.time[-1])
-    step = (last - first) / (len(whole.time) - 1)
-    if begin >= first - step and end <= last + step:
+    if begin >= first - whole.step and end <= last + whole.step:
         return {}
     return {"cut": f"the recording holds {first:g}–{last:g} s, not all of {begin:g}–{end:g} s"}
 
@@ -178,7 +177,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     """A free decay about a trend."""
     values = part.signal(name)
     length = float(part.time[-1] - part.time[0])
-    step = length / (len(part.time) - 1)
+    step = part.step
     level = detrended(values[:, None], TRENDS[0])[:, 0]
     slow, (frequency, height) = strongest(step, level), strongest(step, level, PERIODS / length)
     _refuse_trend(part, name, level)
@@ -262,8 +261,7 @@ def _forced(
 ) -> IdentifiedWindow:
     """The answer to a recorded excitation."""
     values, driven = part.signal(name), part.signal(excitation)
-    step = float((part.time[-1] - part.time[0]) / (len(part.time) - 1))
-    frequency, _ = strongest(step, values)
+    frequency, _ = strongest(part.step, values)
     about = band or (frequency / BAND, frequency * BAND)
     fit = identify_forced_response(
         part.time, driven, values, about, modes, f"{part.source}, {name}"

@@ -36,7 +36,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, congruent
 from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
@@ -192,7 +192,7 @@ class LagrangianDual:
         total = np.trace(z, axis1=1, axis2=2).sum()
         z, oil = z / total, step.multipliers[:2] / total
         budget, today = self.budget
-        weight = np.swapaxes(inverse, 1, 2) @ z @ inverse / self.reference
+        weight = congruent(np.swapaxes(inverse, 1, 2), z) / self.reference
         pick = self._pick(self.rows)
         return Multipliers(
             rows=self.rows,
@@ -250,10 +250,7 @@ class LagrangianDual:
         """L⁻¹ over free coordinates (n, k, k) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
         pick = self._pick(rows)
         inverse = inverse_cholesky(self.loads.mass[pick])
-        return (
-            inverse,
-            inverse @ self.loads.slope[pick] @ np.swapaxes(inverse, 1, 2) / self.reference,
-        )
+        return (inverse, congruent(inverse, self.loads.slope[pick]) / self.reference)
 
     def _matrices(self, inverse: Array, rows: Array) -> Array:
         """Share of each column in L⁻¹ K L⁻ᵀ at rows (c, n, k, k)."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, congruent
 from armdesign.design.catalogue.separable import AllowedSizes
 from armdesign.design.program.corners import Corners
 from armdesign.design.search.semidefinite import certificate, programme
@@ -95,8 +95,8 @@ def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]
                 extension=poses.lengths[:, :nc] - closed,
                 force=poses.cylinder_forces[:, :nc],
                 arm=arms @ turned,
-                rest=inverse @ (poses.stiffness_matrix - of_oil) @ turned,
-                lowest=np.linalg.eigvalsh(inverse @ poses.stiffness_matrix @ turned)[:, 0],
+                rest=congruent(inverse, poses.stiffness_matrix - of_oil),
+                lowest=np.linalg.eigvalsh(congruent(inverse, poses.stiffness_matrix))[:, 0],
             )
             parts.append(part)
     whole = parts[0]

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array, remembered
+from armdesign.arrays import Array, congruent, remembered
 from armdesign.design.program.corners import Corners, Pistons
 from armdesign.design.program.design_vector import DesignVector, Geometry
 from armdesign.design.program.gradient import STEP, SteppedDesign
@@ -181,7 +181,7 @@ class Dynamics:
     def scaled_fixed_mass(self, x: Array, rows: Array) -> Array:
         """L⁻¹M₀L⁻ᵀ (n, nq, nq) of rows: M₀ without masses that depend on x, M = L Lᵀ with them."""
         lower = inverse_cholesky(self.inertia_and_gravity(x, self.rows, rows)[0])
-        return np.asarray(lower @ self.rows.mass[rows] @ np.swapaxes(lower, 1, 2))
+        return congruent(lower, self.rows.mass[rows])
 
     def nominal_forces(self, x: Array) -> Array:
         """Static forces (n, nc) [N] of ``nominal_rows`` at x."""
@@ -215,7 +215,7 @@ class Dynamics:
             return fixed.omega_squared(rows, oil), forces
         matrix, mass, forces = self._stiffness_and_mass(x, rows)
         lower = self.inverse_cholesky_of(mass, rows)
-        return lowest(lower @ matrix @ np.swapaxes(lower, 1, 2)), forces
+        return lowest(congruent(lower, matrix)), forces
 
     @cached_property
     def omega_squared_scale(self) -> float:
@@ -266,7 +266,7 @@ class Dynamics:
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
         forces = self.static_forces(arm, self.rows.gravity, self.vector.areas_today)
         rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
-        return FixedPins(g.length[pose], forces, arm @ turned, lower @ rest @ turned)
+        return FixedPins(g.length[pose], forces, arm @ turned, congruent(lower, rest))
 
     def _geometry(self, x: Array, poses: Array) -> Geometry:
         """Geometry at some of the workspace's poses."""
@@ -298,8 +298,7 @@ class Dynamics:
         pull = emphasis * slope - 1j * squared * mass.imag
         stiffness = emphasis * self.actuator_stiffness(self.rows.corner[rows], g, pistons) + pull
         lower = self.inverse_cholesky_of(mass[0].real, rows)
-        turned = np.swapaxes(lower, 1, 2)
-        return lower @ stiffness[0].real @ turned, lower @ (stiffness.imag / STEP) @ turned
+        return congruent(lower, stiffness[0].real), congruent(lower, stiffness.imag / STEP)
 
     def scaled_stiffness(
         self, x: Array, rows: Array, about: Array | None = None, squared: float = 0.0
@@ -318,7 +317,7 @@ class Dynamics:
         if self.vector.moving_masses is not None:
             matrix = matrix - squared * (mass - before)
         lower = self.inverse_cholesky_of(before, rows)
-        return np.asarray(lower @ matrix @ np.swapaxes(lower, 1, 2))
+        return congruent(lower, matrix)
 
     def scaled_stiffness_chords(
         self,

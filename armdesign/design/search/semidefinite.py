@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, congruent
 from armdesign.errors import InfeasibleError
 from armdesign.transaction import undisturbed
 
@@ -82,14 +82,15 @@ class StepProgramme:
             fault = "stiffness or a requirement is not finite here"
             raise InfeasibleError("design step", fault, "start elsewhere")
         (a, b), level = self._pairs, _levelled(base)
-        turned, pair = np.swapaxes(level, 1, 2), (base, np.eye(base.shape[1]))
+        pair = base, np.eye(base.shape[1])
         self._base.value, self._unit.value = (
-            (level @ matrix @ turned)[:, a, b].ravel() for matrix in pair
+            congruent(level, matrix)[:, a, b].ravel() for matrix in pair
         )
-        self._slopes.value = (level @ slopes @ turned)[:, :, a, b].reshape(len(slopes), -1).T
+        self._slopes.value = congruent(level, slopes)[:, :, a, b].reshape(len(slopes), -1).T
         self._value.value, self._jacobian.value = value, jacobian
         self._low.value, self._high.value = low, high
         _solve(self._problem)
+        dual = np.asarray(self._matrices.dual_value).reshape(base.shape)
         return ProgrammeStep(
             change=np.clip(np.asarray(self._change.value), low, high),
             value=float(np.sum(self._lambda.value)),
@@ -97,7 +98,7 @@ class StepProgramme:
             multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
             low_multipliers=np.asarray(self._box[0].dual_value),
             high_multipliers=np.asarray(self._box[1].dual_value),
-            weights=turned @ np.asarray(self._matrices.dual_value).reshape(base.shape) @ level,
+            weights=congruent(np.swapaxes(level, 1, 2), dual),
         )
 
 

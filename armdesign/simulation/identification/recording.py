@@ -40,6 +40,11 @@ class Recording(ReadOnly):
     time: Array
     columns: Mapping[str, Array]
 
+    @property
+    def step(self) -> float:
+        """Mean time between samples [s]."""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
     def column(self, name: str) -> Array:
         """A signal (n,).
 
