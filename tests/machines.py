@@ -431,6 +431,11 @@ def _attempt(rng: np.random.Generator) -> Machine:
     )
 
 
+def middle(machine: Machine) -> np.ndarray:
+    """The middle of all joint ranges (nq,)."""
+    return np.asarray(machine.ranges.mean(axis=1))
+
+
 def inner_poses(machine: Machine, count: int, seed: int = 0) -> np.ndarray:
     """Poses (count, nq) inside the joint ranges at which every cylinder is within its stroke and
     holds its joint.

@@ -36,6 +36,11 @@ def two_masses(stiffness: float, carriage: float = 900.0, more: str = "") -> Mac
     return build([base, slide], [push], order=["slide"], payload_kg=0.0, more=table)
 
 
+def off_middle(machine: Machine) -> np.ndarray:
+    """A pose (nq,) near the middle of all joint ranges, where no angle is round."""
+    return np.asarray(machine.ranges @ [0.45, 0.55])
+
+
 def random_sprung(seed: int) -> Machine:
     """One to three joints about or along any axis, each behind a joint on a spring.
 

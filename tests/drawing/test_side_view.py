@@ -16,13 +16,9 @@ from armdesign.drawing.plane import PicturePlane, placed
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import swung
 from armdesign.errors import PoseError
-from tests.machines import ODD, named
+from tests.machines import ODD, middle, named
 
 PLANAR = ["excavator_20t", "loader_crane", "patu_boom", "paper_1dof", "four_bar_right"]
-
-
-def middle(machine: Machine) -> np.ndarray:
-    return machine.ranges.mean(axis=1)
 
 
 def view_of(name: str) -> tuple[Machine, SideView]:

@@ -10,6 +10,7 @@ from armdesign.arrays import Array
 from armdesign.influence.family import Family, can_matter, rebuilt
 from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import numbers_of
+from tests.machines import middle
 
 COUNT = 3
 
@@ -25,11 +26,6 @@ def changes(machine: ad.Machine, share: float = 1e-3) -> dict[Location, Array]:
             changed = zero * np.abs(by_chance) if number.value == 0 else number.value * by_chance
             values[number.location] = number.value + changed
     return values
-
-
-def middle(machine: ad.Machine) -> Array:
-    """A pose at the middle of all ranges."""
-    return np.asarray(machine.ranges.mean(axis=1))
 
 
 def test_members_are_what_their_files_say(machine: ad.Machine) -> None:

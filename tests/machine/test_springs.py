@@ -16,13 +16,9 @@ from tests.checks import assert_same, difference
 from tests.commands import Refused
 from tests.energy import Energy
 from tests.machines import CylinderSpec, Joint, build, named
-from tests.sprung import random_sprung, rocking, spring, two_masses, written
+from tests.sprung import off_middle, random_sprung, rocking, spring, two_masses, written
 
 SEEDS = range(8)
-
-
-def middle(machine: ad.Machine) -> np.ndarray:
-    return np.asarray(machine.ranges @ [0.45, 0.55])
 
 
 @pytest.mark.parametrize(
@@ -33,7 +29,7 @@ def test_matrices_are_derivatives_of_the_total_energy(seed: int) -> None:
     left: the springs' preload holds what gravity needs.
     """
     machine = random_sprung(seed)
-    energy, poses = Energy(machine, middle(machine)), machine.at(middle(machine))
+    energy, poses = Energy(machine, off_middle(machine)), machine.at(off_middle(machine))
 
     def slope(x: np.ndarray) -> np.ndarray:
         return difference(lambda y: np.array([energy.potential(row) for row in y]), x)
@@ -72,7 +68,7 @@ def test_two_masses() -> None:
 @pytest.mark.parametrize("name", ["excavator_20t", "mini_excavator_2t"])
 def test_stiff_springs_make_the_machine_without_springs(name: str) -> None:
     rigid, machine = ad.load(name), rocking(name, 1e15)
-    q = middle(rigid)
+    q = off_middle(rigid)
     first, second = (ad.natural_modes(m.at(q)) for m in (rigid, machine))
     assert_allclose(second.frequencies[:, :3], first.frequencies, rtol=1e-6)
     assert_allclose(second.locked_frequencies, first.locked_frequencies, rtol=1e-6)
@@ -85,7 +81,7 @@ def test_locked_frequencies_leave_springs_free() -> None:
     they no longer let pass: what is left is the locked frequency.
     """
     machine = rocking()
-    poses = machine.at(middle(machine))
+    poses = machine.at(off_middle(machine))
     locked = ad.natural_modes(poses).locked_frequencies[0]
     for i in range(3):
         oil = np.where(np.arange(3) == i, poses.oil_stiffness[0], 1e6 * poses.oil_stiffness[0])
@@ -115,7 +111,7 @@ def test_a_spring_limits_and_is_named() -> None:
 def test_softer_springs_lower_every_frequency() -> None:
     """K grows with κ and M stays, so every eigenvalue does (Courant and Fischer)."""
     soft, stiff = (rocking(stiffness=k) for k in (1e7, 2e7))
-    q = middle(soft)
+    q = off_middle(soft)
     assert np.all(
         ad.natural_modes(soft.at(q)).frequencies < ad.natural_modes(stiff.at(q)).frequencies
     )
@@ -128,7 +124,7 @@ def test_stiffness_is_a_key_path() -> None:
     assert other.springs[0].stiffness == 5e7
     assert other.arm is machine.arm
     tilted = machine.replace({"spring.carriage.at_deg": 1.0})
-    tip = tilted.at(middle(machine)).tool - machine.at(middle(machine)).tool
+    tip = tilted.at(off_middle(machine)).tool - machine.at(off_middle(machine)).tool
     assert np.linalg.norm(tip) > 0.05, "the machine stands where its spring does"
 
 

@@ -13,7 +13,7 @@ from armdesign.motion.feed_forward import SpoolPlan, spool_plan
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from tests import machines
-from tests.simulation.valves import without_losses
+from tests.simulation.valves import ideally_fed
 
 POSE = np.array([[0.2, -1.5, -1.4]])
 
@@ -21,8 +21,7 @@ POSE = np.array([[0.2, -1.5, -1.4]])
 @pytest.fixture(scope="module")
 def lossless() -> ad.Machine:
     """The 20 t machine with a full bucket, at a pump that holds its pressure."""
-    ideal = machines.rigid("excavator_20t").replace({"supply.pump": "ideal"})
-    return without_losses(ideal.with_payload("full"))
+    return ideally_fed(machines.rigid("excavator_20t")).with_payload("full")
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.2, -0.05, -0.2])

@@ -23,7 +23,7 @@ from tests.simulation import valves as helpers
 from tests.simulation.valves import WORST
 
 
-def pulse(size: float, until: float = 0.3) -> Step:
+def step_until(size: float, until: float = 0.3) -> Step:
     """A command that says when it jumps, so that the tolerance alone sets the steps between."""
     return Step(size=size, end=until)
 
@@ -44,7 +44,11 @@ def test_balance_closes(name: str) -> None:
     machine = replace(machine, cylinders=tuple(cylinders))
     pose = machines.inner_poses(machine, 1)[0]
     run = simulate(
-        machine, pose, lambda t: [pulse(0.02)(t)] * len(cylinders), duration=0.6, tolerance=1e-7
+        machine,
+        pose,
+        lambda t: [step_until(0.02)(t)] * len(cylinders),
+        duration=0.6,
+        tolerance=1e-7,
     )
     assert np.ptp(run.energy) > 1
     assert run.energy_error < 1e-5
@@ -57,7 +61,7 @@ def test_open_valves_balance_to_the_tolerance(excavator: Machine, air: float) ->
     tolerance^⅘.
     """
     machine = excavator.replace({"fluid.entrained_air_percent": air})
-    lowered = {"boom": pulse(-0.05, 0.5), "stick": pulse(0.03, 0.8)}
+    lowered = {"boom": step_until(-0.05, 0.5), "stick": step_until(0.03, 0.8)}
     errors = [
         simulate(machine, WORST, lowered, duration=1.0, tolerance=t).energy_error
         for t in (1e-5, 1e-7)
@@ -78,7 +82,7 @@ def test_compression_is_that_of_the_oil_less_what_crosses_the_ports(
     """
     machine = excavator.replace({"fluid.entrained_air_percent": air})
     run = simulate(
-        machine, WORST, {"boom": pulse(-0.05, 9.0)}, duration=0.8, rate=4000, preloaded=True
+        machine, WORST, {"boom": step_until(-0.05, 9.0)}, duration=0.8, rate=4000, preloaded=True
     )
     assert run.events == ()
     p = np.linspace(0.0, 500 * bar, 50_001)
@@ -103,7 +107,7 @@ def test_compression_is_that_of_the_oil_less_what_crosses_the_ports(
 def test_closed_and_undamped_nothing_comes_or_goes(excavator: Machine) -> None:
     """Lapped valves, shut again: the arm rings, but neither gains nor loses."""
     lapped = {f"cylinder.{c.name}.valve.overlap_percent": 2.0 for c in excavator.cylinders}
-    commands = {"boom": pulse(-0.03), "bucket": pulse(0.03)}
+    commands = {"boom": step_until(-0.03), "bucket": step_until(0.03)}
     # far from cavitation
     run = simulate(excavator.replace(lapped), WORST, commands, duration=2.0, preloaded=True)
     assert run.events == ()
@@ -127,7 +131,7 @@ def test_valves_dissipate_flow_times_drop(excavator: Machine) -> None:
     """By the trapezoidal rule from the records: the boom sinks, its cap drains, its annulus
     fills.
     """
-    run = simulate(excavator, WORST, {"boom": pulse(-0.05, 1.0)}, duration=1.0, rate=2000)
+    run = simulate(excavator, WORST, {"boom": step_until(-0.05, 1.0)}, duration=1.0, rate=2000)
     supply, back = excavator.supply.pressure, excavator.supply.return_pressure
     into, out = run.flows[:, 0, 1], -run.flows[:, 0, 0]
     assert into[200:].min() > 0
@@ -208,7 +212,7 @@ def test_leaks_from_the_tank_bring_its_pressure_along(excavator: Machine) -> Non
 
 def test_viscous_friction_dissipates_force_times_speed() -> None:
     machine = helpers.with_friction(machines.named("paper_1dof"), Friction(viscous=2e4))
-    run = simulate(machine, [0.0], {"lift": pulse(0.05, 0.2)}, duration=1.0, rate=1000)
+    run = simulate(machine, [0.0], {"lift": step_until(0.05, 0.2)}, duration=1.0, rate=1000)
     late = run.time >= 0.5
     lost = np.trapezoid(2e4 * run.speeds[late, 0] ** 2, run.time[late])
     # the valve still shuts a little

@@ -18,11 +18,7 @@ from armdesign.simulation.simulate import simulate
 from armdesign.units import bar, l_per_min
 from tests import machines
 from tests.simulation import valves as helpers
-from tests.simulation.valves import WORST
-
-
-def pulse(size: float, until: float = 0.5):  # type: ignore[no-untyped-def]
-    return lambda time: size if time < until else 0.0
+from tests.simulation.valves import WORST, pulse
 
 
 def test_stays_at_rest(excavator: Machine) -> None:
@@ -81,7 +77,7 @@ def test_energy_is_conserved_once_the_valves_are_shut(name: str) -> None:
     run = simulate(
         excavator,
         WORST,
-        {"boom": pulse(-0.01), "bucket": pulse(0.02)},
+        {"boom": pulse(-0.01, 0.5), "bucket": pulse(0.02, 0.5)},
         duration=12.0,
         preloaded=True,
     )
@@ -173,7 +169,7 @@ def test_faults_of_a_call(excavator: Machine) -> None:
     with pytest.raises(PoseError, match="outside its stroke"):
         simulate(excavator, (3.0, 0, 0), {}, duration=1.0)
     with pytest.raises(SimulationError, match="choose from: boom, stick, bucket"):
-        simulate(excavator, WORST, {"arm": pulse(0.1)}, duration=1.0)
+        simulate(excavator, WORST, {"arm": pulse(0.1, 0.5)}, duration=1.0)
     with pytest.raises(SimulationError, match="duration"):
         simulate(excavator, WORST, {}, duration=-1.0)
     with pytest.raises(
@@ -205,7 +201,7 @@ def test_giving_up_names_time_and_place(
     with pytest.raises(
         SimulationError, match=r"gave up at .* s, .* boom 1\.15.*more than 8 steps"
     ):
-        simulate(excavator, WORST, {"boom": pulse(0.1)}, duration=5.0)
+        simulate(excavator, WORST, {"boom": pulse(0.1, 0.5)}, duration=5.0)
 
 
 def test_faults_of_strikes() -> None:
@@ -222,7 +218,7 @@ def test_the_load_case_is_named_and_told(excavator: Machine) -> None:
     for payload, name in (("empty", "empty"), (800.0, "800 kg"), (None, "full")):
         loaded = excavator if payload is None else excavator.with_payload(payload)
         runs = [
-            simulate(machine, WORST, {"boom": pulse(-0.05)}, payload=given, duration=0.3)
+            simulate(machine, WORST, {"boom": pulse(-0.05, 0.5)}, payload=given, duration=0.3)
             for machine, given in ((excavator, payload), (loaded, None))
         ]
         assert [run.payload for run in runs] == [name] * 2

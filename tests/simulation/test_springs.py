@@ -14,34 +14,15 @@ from armdesign.simulation.identification.ringdown import identify_ringdown
 from armdesign.simulation.linearization import linearize
 from armdesign.simulation.simulate import simulate
 from armdesign.simulation.validation import validate
-from tests.sprung import rocking, two_masses
+from tests.simulation.valves import ideally_fed
+from tests.sprung import off_middle, rocking, two_masses
 
 STILL = {"duration": 1.0, "command": {"boom": lambda t: 0.0}}
 
 
-def quiet(machine: ad.Machine) -> ad.Machine:
-    """Without leakage and friction, on an ideal pump: nothing damps but what is asked for."""
-    changes: dict[str, object] = {"supply.pump": "ideal"}
-    for name, cylinder in machine.section.cylinder.items():
-        friction = f"cylinder.{name}.friction"
-        if cylinder.valve is not None:
-            valve = f"cylinder.{name}.valve"
-            for key in ("leakage_l_per_min_per_bar", "tank_leakage_l_per_min_per_bar"):
-                if getattr(cylinder.valve, key):
-                    changes[f"{valve}.{key}"] = 0.0
-        for key in ("coulomb_N", "static_N", "viscous_N_s_per_m"):
-            if getattr(cylinder.friction, key):
-                changes[f"{friction}.{key}"] = 0.0
-    return machine.replace(changes)
-
-
-def middle(machine: ad.Machine) -> np.ndarray:
-    return np.asarray(machine.ranges @ [0.45, 0.55])
-
-
 @pytest.fixture(scope="module")
 def machine() -> ad.Machine:
-    return quiet(rocking(more="at_deg = 0.5"))
+    return ideally_fed(rocking(more="at_deg = 0.5"))
 
 
 def test_at_rest_it_stays(machine: ad.Machine) -> None:
@@ -58,7 +39,7 @@ def test_at_rest_it_stays(machine: ad.Machine) -> None:
 
 def test_poles_are_the_modes(machine: ad.Machine) -> None:
     """Undamped, the plant's poles are those of K v = ω² M v, springs among them."""
-    q = middle(machine)
+    q = off_middle(machine)
     linear = linearize(machine, q)
     assert_allclose(
         linear.natural_frequencies, natural_modes(machine.at(q)).frequencies[0], rtol=1e-6
@@ -91,7 +72,7 @@ def test_nothing_damps_where_the_file_says_so() -> None:
     """`damped = false` leaves out the spring's own damping, too, and no frequency changes."""
     damped = rocking(more="damping_ratio = 0.1")
     still = damped.replace({"damped": False})
-    q = middle(damped)
+    q = off_middle(damped)
     assert linearize(damped, q).damping_ratios.min() > 1e-3
     linear = linearize(still, q)
     assert_allclose(linear.damping_ratios, 0, atol=1e-7)
@@ -115,7 +96,7 @@ def test_two_masses_ring_as_by_hand() -> None:
 def test_energy_balances_with_springs_and_dampers() -> None:
     machine = rocking(more="damping_ratio = 0.1")
     run = simulate(
-        machine, middle(machine), {"boom": ad.Step(size=0.3, begin=0.1, end=0.5)}, duration=2.0
+        machine, off_middle(machine), {"boom": ad.Step(size=0.3, begin=0.1, end=0.5)}, duration=2.0
     )
     assert run.energy_error < 1e-6
     assert np.ptp(run.springs) > 1e-4, "the carriage rocked"
@@ -123,16 +104,16 @@ def test_energy_balances_with_springs_and_dampers() -> None:
 
 def test_sweeps_find_the_modes_of_a_machine_on_springs(machine: ad.Machine) -> None:
     """The nonlinear model, swept, rings where K v = ω² M v says."""
-    validation = validate(machine, middle(machine), cylinders=["boom"])
+    validation = validate(machine, off_middle(machine), cylinders=["boom"])
     assert validation.worst_deviation < 0.01
 
 
 @pytest.mark.slow
 def test_a_stiff_spring_moves_like_none() -> None:
-    rigid = quiet(ad.load("excavator_20t"))
+    rigid = ideally_fed(ad.load("excavator_20t"))
     step = {"boom": ad.Step(size=0.3, begin=0.05, end=0.3)}
-    q = middle(rigid)
+    q = off_middle(rigid)
     first, second = (
-        simulate(m, q, step, duration=0.6) for m in (rigid, quiet(rocking(stiffness=1e13)))
+        simulate(m, q, step, duration=0.6) for m in (rigid, ideally_fed(rocking(stiffness=1e13)))
     )
     assert_allclose(second.q, first.q, atol=1e-5)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import SimulationCase, attempt_all, simulate, simulate_all
 from tests import machines
-from tests.simulation.valves import WORST
+from tests.simulation.valves import WORST, pulse
 
 
 @dataclass
@@ -101,10 +101,6 @@ def test_too_many_steps_stop_that_case_alone() -> None:
     assert "more than 100 steps" in str(fast)
     assert 0 < fast.time < 5
     assert fast.state[0] == pytest.approx(math.cos(500 * fast.time), abs=1e-5)
-
-
-def pulse(size: float, until: float = 0.3) -> Callable[[float], float]:
-    return lambda time: size if time < until else 0.0
 
 
 def cases(excavator: Machine) -> list[SimulationCase]:

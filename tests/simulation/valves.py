@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +38,16 @@ def without_losses(machine: Machine) -> Machine:
         for key in leaks
     }
     return machine.replace(changes)
+
+
+def ideally_fed(machine: Machine) -> Machine:
+    """The machine without losses, at a pump that holds its pressure."""
+    return without_losses(machine).replace({"supply.pump": "ideal"})
+
+
+def pulse(size: float, until: float = 0.3) -> Callable[[float], float]:
+    """A command of a size until a time [s]; its jump is not announced."""
+    return lambda time: size if time < until else 0.0
 
 
 def with_leakage(machine: Machine, leakage: float) -> Machine:

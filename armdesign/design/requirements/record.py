@@ -1,8 +1,9 @@
 """A requirement: one record, evaluated on designs, judged on a machine, or conceded.
 
-To add one, say a largest rod speed (two files, about fifteen lines):
+To add one, say a largest rod speed (about fifteen lines of code in three files):
 
-1. ``machine/file/schema.py``: its key and default, ``rod_speed_mm_per_s = None``.
+1. ``machine/file/schema.py``: its key and default, ``rod_speed_mm_per_s = None``; its text for
+   editors in ``machine/file/json_schema.py``, which writes ``machine.schema.json``.
 2. The file of its family here (``oil.py``): a field with its meaning,
    ``rod_speed: float | None = number("rod_speed_mm_per_s", mm)``,
 3. and in the family's function ``yield Evaluation(...)``: name, words, SI unit, value on a
