@@ -39,7 +39,7 @@ def bandwidths(
 ) -> tuple[Places, Places]:
     """Bandwidths, and over the lowest natural frequency, under each load case at every pose (n,).
 
-    Bandwidths are those of the narrowest loop [Hz]; NaN where no controller works or the load case
+    Bandwidths are of the narrowest loop [Hz]; NaN where no controller works or the load case
     does not exist, 0 where no gains keep the margins. ``damping`` as in ``bandwidth_map``.
 
     Raises:

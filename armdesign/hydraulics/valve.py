@@ -64,7 +64,7 @@ class Valve:
     def leaks(self) -> bool:
         """Whether so much oil flows at rest that flow makes the pressures: leaks, an underlap.
 
-        Leakage below ``TIGHT``, as that of seals in good order, does not: for minutes pressures
+        Leakage below ``TIGHT``, as seals in good order have, does not: for minutes pressures
         stay what a shut valve left, while the load creeps by millimetres.
         """
         leakage = (self.leakage + self.tank_leakage) * self.rated_drop

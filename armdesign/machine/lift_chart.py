@@ -2,8 +2,8 @@
 
 A point of the arm stands on the grid by two joints, all others at the middle of their range. Of
 several poses that bring it to a place that counts in which the machine lifts most. The hydraulic
-capacity is that of ``lifting.py``; where the file has ``[stability]``, the lower of it and 75 % of
-what tips the machine. With one joint alone the heights are those of the grid, and each pose has
+capacity is from ``lifting.py``; where the file has ``[stability]``, the lower of it and 75 % of
+what tips the machine. With one joint alone the heights are the grid's, and each pose has
 its own reach.
 """
 

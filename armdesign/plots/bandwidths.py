@@ -22,6 +22,8 @@ from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
 from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.control.gain_schedule import GainSchedule
 
@@ -36,7 +38,7 @@ TITLES = {
 
 @literal
 def bandwidth_map(
-    bandwidths: BandwidthMap, ax: Any = None, scheme: str = "own", **limits: float
+    bandwidths: BandwidthMap, ax: Axes | None = None, scheme: str = "own", **limits: float
 ) -> Any:
     """Least bandwidth over two joints, with the worst poses of bandwidth and of frequency.
 
@@ -131,7 +133,7 @@ def _least(bandwidths: BandwidthMap, scheme: str) -> tuple[Array, Array, Array]:
     return joint_plane(bandwidths, value)
 
 
-def _curves(ax: Any, bandwidths: BandwidthMap, scheme: str) -> None:
+def _curves(ax: Axes, bandwidths: BandwidthMap, scheme: str) -> None:
     """Bandwidth by load case, and f/3, over the only joint."""
     (index,) = drawn_joints(bandwidths.machine)
     joint = bandwidths.machine.arm.joints[index]

@@ -25,6 +25,8 @@ from armdesign.errors import ArmDesignError, printable
 from armdesign.transaction import undisturbed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
 
@@ -114,7 +116,7 @@ def style() -> Any:
     return matplotlib.rc_context(chosen)
 
 
-def below(ax: Any, inches: float) -> Any:
+def below(ax: Axes, inches: float) -> Any:
     """Transform of points that are told in shares of axes, moved down by some inches."""
     from matplotlib.transforms import ScaledTranslation
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
-def colour_bar(ax: Any, mesh: Any, label: str) -> Any:
+def colour_bar(ax: Axes, mesh: Any, label: str) -> Any:
     """Colour bar beside axes, exactly as high as they are, whatever their aspect."""
-    place = ax.inset_axes([1.02, 0.0, 0.035, 1.0])
+    place = ax.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = ax.figure.colorbar(mesh, cax=place)
     bar.set_label(label)
     bar.outline.set_visible(False)
     return bar
 
 
-def hide_colour_bar(ax: Any) -> None:
+def hide_colour_bar(ax: Axes) -> None:
     """Take away the colour bar of axes whose neighbours have the same one."""
     bar = ax.child_axes[0]
     bar.set_visible(False)

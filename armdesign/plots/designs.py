@@ -23,6 +23,8 @@ from armdesign.plots.canvas import (
 from armdesign.plots.maps import side_by_side
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
     from armdesign.design.requirements.performance import Performance
@@ -104,7 +106,7 @@ def _curves(machine: Machine) -> dict[tuple[str, str], Performance]:
 
 
 @literal
-def design_steps(steps: Steps, ax: Any = None) -> Any:
+def design_steps(steps: Steps, ax: Axes | None = None) -> Any:
     """Least gain within the bands by number of pins moved, with their names; returns the axes."""
     count = len(steps.steps)
     ax = figure(height=max(1.2 + 0.5 * count, 2.2))[1][0] if ax is None else ax
@@ -128,7 +130,7 @@ def design_steps(steps: Steps, ax: Any = None) -> Any:
 
 
 @literal
-def trade_off(front: Pareto, ax: Any = None) -> Any:
+def trade_off(front: Pareto, ax: Axes | None = None) -> Any:
     """Worst frequency over the limit that is varied, with today's machine; returns the axes."""
     ax = figure()[1][0] if ax is None else ax
     label, unit, now = TRADED[front.against]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from armdesign.plots.labels import Label
 from armdesign.units import WORKSHOP, mm
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from armdesign.machine.machine import Machine
 
 
@@ -86,7 +88,7 @@ def ends(view: SideView) -> list[Label]:
     return [tool, *(Label(at=places[n][0], head=f"load {n}", below="", colour=INK) for n in apart)]
 
 
-def sizes_legend(ax: Any, machines: Sequence[Machine]) -> None:
+def sizes_legend(ax: Axes, machines: Sequence[Machine]) -> None:
     """Legend of the colours: actuators with their sizes, of each machine."""
     handles = []
     for name, colour in actuator_colours(machines[-1]).items():

@@ -17,6 +17,8 @@ from armdesign.plots.machine_words import pose_words
 from armdesign.plots.machines import draw_machine, extent, frame
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from armdesign.machine.machine import Machine
 
 FADED = {"fc": "#f3f4f6", "ec": "#d1d5db"}
@@ -61,7 +63,7 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None, modes: int = SHOWN
 
 
 def _swing(
-    ax: Any, machine: Machine, view: SideView, natural: Modes, mode: int, amplitude: float
+    ax: Axes, machine: Machine, view: SideView, natural: Modes, mode: int, amplitude: float
 ) -> list[SideView]:
     """Machine at rest, and its outlines at both ends of a mode's swing; what they cover."""
     draw_machine(ax, machine, view, 0, **FADED)

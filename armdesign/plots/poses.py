@@ -11,6 +11,8 @@ from armdesign.drawing.colours import ACTUATORS
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from armdesign.frequency.bands import Corner, FrequencyBand
     from armdesign.frequency.modes import Modes
     from armdesign.machine.poses import Poses
@@ -19,7 +21,7 @@ JOINED = 40  # poses whose dots are joined by lines: a path, say
 
 
 @literal
-def modes_by_pose(modes: Modes, ax: Any = None) -> Any:
+def modes_by_pose(modes: Modes, ax: Axes | None = None) -> Any:
     """Axes with the coupled frequencies of every pose, and each cylinder's with the rest locked.
 
     The scale is logarithmic; what is 0 or inf is left out.
@@ -42,7 +44,7 @@ def modes_by_pose(modes: Modes, ax: Any = None) -> Any:
 
 
 @literal
-def forces_by_pose(poses: Poses, ax: Any = None) -> Any:
+def forces_by_pose(poses: Poses, ax: Axes | None = None) -> Any:
     """Axes with the static force of every actuator at every pose, torques of motors."""
     ax = figure(1, 7.0, 4.2)[1][0] if ax is None else ax
     for k, forces in enumerate(poses.cylinder_forces.T):
@@ -55,7 +57,7 @@ def forces_by_pose(poses: Poses, ax: Any = None) -> Any:
 
 
 @literal
-def corners_of_bands(band: FrequencyBand, ax: Any = None) -> Any:
+def corners_of_bands(band: FrequencyBand, ax: Axes | None = None) -> Any:
     """Axes with the worst frequency at every corner of the bands, and with the file's values."""
     count = len(band.scenarios)
     ax = figure(1, 7.0, 1.6 + 0.3 * count)[1][0] if ax is None else ax
@@ -76,7 +78,7 @@ def _words(corner: Corner) -> str:
     return ", ".join(["soft end" if corner.softest else "stiff end", *masses])
 
 
-def _by_pose(ax: Any, values: Array, **style: Any) -> None:
+def _by_pose(ax: Axes, values: Array, **style: Any) -> None:
     """Values (n,) over the row of their pose."""
     few = len(values) <= JOINED
     ax.plot(
@@ -84,7 +86,7 @@ def _by_pose(ax: Any, values: Array, **style: Any) -> None:
     )
 
 
-def _finish(ax: Any, count: int) -> None:
+def _finish(ax: Axes, count: int) -> None:
     ax.set(xlabel="pose, by its row", xlim=(-0.5, count - 0.5))
     if count <= JOINED:
         ax.set_xticks(range(0, count, 1 + count // 20))
@@ -92,12 +94,12 @@ def _finish(ax: Any, count: int) -> None:
     _legend_above(ax)
 
 
-def _legend_above(ax: Any) -> None:
+def _legend_above(ax: Axes) -> None:
     """Beside the axes no line is hidden."""
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0.2)
 
 
-def _plain_decades(ax: Any) -> None:
+def _plain_decades(ax: Axes) -> None:
     """A logarithmic axis with numbers as people write them."""
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 

@@ -11,6 +11,8 @@ from armdesign.plots.canvas import INK, MARK, figure, literal, title_of
 from armdesign.units import bar, deg
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from armdesign.simulation.run import Simulation
 
 
@@ -32,7 +34,7 @@ def simulation_figure(simulation: Simulation) -> Any:
     return fig
 
 
-def _joints(ax: Any, simulation: Simulation) -> None:
+def _joints(ax: Axes, simulation: Simulation) -> None:
     """Positions of the joints away from those at the start."""
     for k, joint in enumerate(simulation.machine.arm.joints):
         unit, factor = ("deg", deg) if joint.revolute else ("mm", 1e-3)
@@ -42,7 +44,7 @@ def _joints(ax: Any, simulation: Simulation) -> None:
     ax.set(ylabel="joints, from the start")
 
 
-def _spools(ax: Any, simulation: Simulation) -> None:
+def _spools(ax: Axes, simulation: Simulation) -> None:
     colours = actuator_colours(simulation.machine)
     for k, name in enumerate(simulation.cylinders):
         ax.plot(simulation.time, 100 * simulation.spool[:, k], color=colours[name], label=name)
@@ -51,7 +53,7 @@ def _spools(ax: Any, simulation: Simulation) -> None:
     ax.set(ylabel="spool, dotted: command [%]")
 
 
-def _pressures(ax: Any, simulation: Simulation) -> None:
+def _pressures(ax: Axes, simulation: Simulation) -> None:
     colours = actuator_colours(simulation.machine)
     for k, name in enumerate(simulation.cylinders):
         for side, style in enumerate(("-", "--")):
@@ -64,7 +66,7 @@ def _pressures(ax: Any, simulation: Simulation) -> None:
     ax.set(ylabel="pressure [bar]")
 
 
-def _path(ax: Any, simulation: Simulation) -> None:
+def _path(ax: Axes, simulation: Simulation) -> None:
     reach = simulation.machine.arm.reach(simulation.q, simulation.tool)
     height = simulation.tool[:, 2]
     ax.plot(reach, height, color=INK)

@@ -34,7 +34,7 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
 
 
 def grid_lengths(problem: Problem, x: Array, i: int) -> list[tuple[float, float]]:
-    """Closed lengths and strokes of the drawing grid around those of a cylinder at x [m].
+    """Closed lengths and strokes of the drawing grid around the values of a cylinder at x [m].
 
     Each stroke has closed lengths around the shortest that reaches the far end of the range, none
     of which is too short for today's dead length.

@@ -7,7 +7,7 @@ Re Σ c exp(λt) is fitted to the samples y. What it leaves is
 where N b stands for a mode nearby that is too weak or too damped to be told apart: the columns N
 are its filtered powers, b is random with a known standard deviation. A trend, a polynomial of
 time of which nothing is known, is projected out. Both sides are filtered and whitened so; then the
-modes are those of least squares. Beside a trend, what is slower than two periods within the
+modes are what least squares give. Beside a trend, what is slower than two periods within the
 record, or has more than OVERDAMPED of damping, is part of the trend.
 """
 

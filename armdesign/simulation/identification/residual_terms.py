@@ -17,7 +17,7 @@ things stand for them together:
   Gaussian process, Rasmussen & Williams 2006).
 
 With noise of the standard deviation σ, and for a given choice of λ = (g/σ)² and neighbours, the
-modes are those of least squares under the covariance I + λ C Cᵀ, C the columns of the residual
+modes are what least squares give under the covariance I + λ C Cᵀ, C the columns of the residual
 terms. The evidence of each choice, by Laplace's method (MacKay 1992), weighs its answer.
 """
 
