@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.bound.intervals import Interval, interval
+from armdesign.design.bound.intervals import Interval, interval, total
 from armdesign.design.bound.pin_triangles import TriangleBoxes
 from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
@@ -269,7 +269,7 @@ class Enclosure:
             return points
         slope: Interval = getattr(self.wide, f"{name}_slope")
         spread = np.where(
-            self.wide.whole[:, None], (slope.size * self.reach[:, None]).sum(axis=2), np.inf
+            self.wide.whole[:, None], total(slope.size * self.reach[:, None], 2), np.inf
         )
         cut: Interval = getattr(self.wide, name).within(
             _around(getattr(self.centre, name), spread)
