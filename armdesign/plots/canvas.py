@@ -114,13 +114,6 @@ def style() -> Any:
     return matplotlib.rc_context(chosen)
 
 
-def halo() -> list[Any]:
-    """Path effects of words that cross lines: white about every letter."""
-    from matplotlib.patheffects import withStroke
-
-    return [withStroke(linewidth=2.5, foreground="white")]
-
-
 def below(ax: Any, inches: float) -> Any:
     """Transform of points that are told in shares of axes, moved down by some inches."""
     from matplotlib.transforms import ScaledTranslation

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.plots.canvas import INK, halo
+from armdesign.plots.canvas import INK
 
 EDGE = 0.012  # of the axes' width, between its side and a column
 BESIDES = 1.7  # [in] of a figure's height that its axes leave to title, ticks and legend
@@ -69,9 +69,9 @@ def _rows(ax: Any, column: Sequence[Label]) -> Array:
 def _write(ax: Any, label: Label, side: str, height: float) -> None:
     x = EDGE if side == "left" else 1 - EDGE
     text = {"xycoords": ax.transAxes, "ha": side, "zorder": 10, "annotation_clip": False}
-    text["path_effects"] = halo()
+    text["bbox"] = {"fc": "white", "ec": "none", "pad": 0.4, "alpha": 0.8}  # lines end there
     head = ax.annotate(label.head, (x, height), va="bottom", color=label.colour, **text)
-    head.set(fontsize=8, fontweight="bold", zorder=11)  # over the white about the line below
+    head.set(fontsize=8, fontweight="bold", zorder=11)  # over the white of the line below
     below = ax.annotate(label.below, (x, height), va="top", color=INK, fontsize=7, **text)
     wide = [one.get_window_extent().width for one in (head, below)]
     longer, edge = (head, 0.0) if wide[0] >= wide[1] else (below, 1.0)

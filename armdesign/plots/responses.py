@@ -23,7 +23,7 @@ MARKERS = "os^vD"  # of modes
 def frequency_responses(validations: Mapping[str, Validation]) -> Any:
     """Figure of the simulated and the fitted response in each validation's first sweep."""
     runs = {label: one.runs[0] for label, one in validations.items() if one.runs}
-    fig, axes = figure(max(len(runs), 1), 5.4, 3.8)
+    fig, axes = figure(max(len(runs), 1), 5.4, 2.6 + 0.6 * len(runs))
     for ax, (label, run) in zip(axes, runs.items(), strict=bool(runs)):
         size = np.abs(run.fit.response)
         ax.semilogy(run.fit.frequency, size, ".", color=INK, ms=5, label="nonlinear simulation")
@@ -36,8 +36,7 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Any:
         ax.set_title(title, fontsize=10)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("cylinder speed / command")
-    if runs:
-        axes[0].legend(frameon=False, loc="lower center", fontsize=8)
+    fig.legend(handles=axes[0].get_legend_handles_labels()[0], loc="outside lower center", ncols=3)
     return fig
 
 
