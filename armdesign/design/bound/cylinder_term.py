@@ -283,8 +283,6 @@ class CylinderTerm:
             emptiness = filled.above(dead / 2 + TINY).reciprocal()
             springs.append(emptiness * (stiff * v**2))
             changes.append((emptiness * v).square() * (stiff * v))
-        if e.centre is e.wide:  # of no width: nothing changes
-            return np.zeros((*volume.shape[:2], 2)), known
         weight = (self.weight * spring.oil)[:, None]
         by_rate = rate * (springs[0] + springs[1]) * (2 * weight)
         by_place = rate.square() * (changes[1] - changes[0]) * weight
