@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from armdesign.errors import ArmDesignError
 from armdesign.option_values import grid_points
 from armdesign.options import (
     BandwidthOption,
     ChangesArgument,
     CountOption,
+    DampingOption,
     LeastFrequencyOption,
     SeedOption,
 )
@@ -15,23 +17,33 @@ from armdesign.runs import OverWorkspace, command
 
 
 @command
-def sensitivity(run: OverWorkspace) -> None:
+def sensitivity(
+    run: OverWorkspace, bandwidth: BandwidthOption = False, damping: DampingOption = None
+) -> None:
     """Say what each number of the machine file is worth.
 
     Prints the worst pose with its rivals, and by how much the worst frequency changes with a
     natural step of every number: 10 mm, 100 kg, 1 % air, 10 MN/m …. Writes sensitivity.csv and
-    sensitivity.png.
+    sensitivity.png; with --bandwidth sensitivity_bandwidth.csv, too.
     """
     from armdesign import plots
+    from armdesign.influence.sensitivity import bandwidth_sheet
     from armdesign.influence.sensitivity import sensitivity as of_every_number
 
+    if damping is not None and not bandwidth:
+        raise ArmDesignError("--damping", "goes with --bandwidth", "give both, or neither")
     with run.progress("looking for the worst pose and its rivals"):
         model, workspace, out = run.open_workspace()
         answer = of_every_number(model, workspace)
+        tables, sheets = {"sensitivity": answer.frame}, answer.sheets(run.units.units)
+        if bandwidth:
+            tables["sensitivity_bandwidth"] = answer.bandwidths(damping)
+            sheets.append(bandwidth_sheet(answer, tables["sensitivity_bandwidth"], damping))
     with run.writing(out) as folder:
-        write_csv(answer.frame, folder / "sensitivity.csv")
+        for name, table in tables.items():
+            write_csv(table, folder / f"{name}.csv")
         plots.save(answer.plot().figure, folder / "sensitivity.png")
-    run.show(answer.sheets(run.units.units), tables={"sensitivity": answer.frame})
+    run.show(sheets, tables=tables)
 
 
 @command

@@ -94,6 +94,16 @@ class LoopPlant(ReadOnly):
         """Lowest natural frequency (n,) [rad/s]."""
         return np.asarray(2 * math.pi * self.frequencies[:, 0])
 
+    @cached_property
+    def creep(self) -> Array:
+        """Rate (n,) [1/s] at which pressures creep apart of themselves, no loop closed; ≥ 0.
+
+        Oil that leaks past a piston at rest raises the pressure of both chambers. With air it is
+        the stiffer the higher they are, so that they rise ever faster: a pole to the right, within
+        a quarter of an hour or more, that moves nothing.
+        """
+        return np.asarray(self._modal[0].real.max(axis=1).clip(0.0))
+
     def valve(self, s: Array) -> Array:
         """Response of spool and delay (…, nc) at complex frequencies s (…) [rad/s]."""
         omega, s = self.valve_omega, np.asarray(s)[..., None]

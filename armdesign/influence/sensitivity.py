@@ -9,14 +9,15 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
+from armdesign.influence.bandwidth import SCHEMES, at_pose
 from armdesign.influence.family import Family, can_matter, rebuilt
 from armdesign.influence.rivals import WITHIN, Rival, rivals
 from armdesign.influence.slopes import slopes
@@ -29,6 +30,7 @@ from armdesign.units import WORKSHOP, Units
 if TYPE_CHECKING:
     import pandas as pd
 
+T = TypeVar("T", float, Array)
 NEGLIGIBLE = 1e-6  # change of the worst frequency by a natural step, relative, that is none
 PART = 0.01  # of a natural step, by which any quantity is differenced
 WAYS, KINDS = ("up", "down"), ("linear", "exact")
@@ -119,17 +121,43 @@ class Sensitivity(ReadOnly):
         """
         import pandas as pd
 
-        changes = {}
-        for number in self.numbers[:count]:
-            ends = []
-            for step in _ways(number):
-                part = PART * step if np.isfinite(step) else 0.0
-                near = rebuilt(self.machine, {number.location: number.value + part})
-                ends.append((part, quantity(near)))
-            (up, higher), (down, lower) = ends
-            if up != down:
-                changes[number.path] = (higher - lower) / (up - down) * number.step[0]
+        changes = differences(self.machine, self.numbers[:count], quantity)
         return pd.Series(changes, dtype=float)
+
+    def bandwidths(self, damping: float | None = None) -> pd.DataFrame:
+        """Change of the bandwidth at the worst pose by a natural step of every number [Hz].
+
+        By differences, the greatest first; also of numbers that no frequency depends on, such as
+        leakage, friction and valves. Numbers that change none are left out.
+
+        Args:
+            damping: ratio of all modes in place of the file's damping; None: the file's.
+
+        Returns:
+            A row for each number: ``key``, ``value``, ``unit``, ``step``; ``proportional_hz``: of
+            position gains alone, ``damped_hz``: with feedback of the load pressures; common gains.
+
+        Raises:
+            ArmDesignError: as ``bandwidth_map``.
+        """
+        import pandas as pd
+
+        pose = self.rivals[0].pose
+        widths = partial(at_pose, q=pose.q, payload=pose.payload, damping=damping)
+        numbers = list(numbers_of(self.machine.section).values())
+        changes = differences(self.machine, numbers, widths)
+        columns = {
+            "key": [number.path for number in numbers],
+            "value": [number.value for number in numbers],
+            "unit": [number.unit for number in numbers],
+            "step": [number.step[1] for number in numbers],
+        }
+        each = np.array([changes.get(number.path, np.zeros(2)) for number in numbers])
+        columns |= {f"{name}_hz": each[:, k] for k, name in enumerate(SCHEMES)}
+        frame = pd.DataFrame(columns)
+        matters = np.abs(each / widths(self.machine)).max(axis=1) > NEGLIGIBLE
+        size = frame["damped_hz"].abs()
+        return frame[matters].loc[size[matters].sort_values(ascending=False).index]
 
     def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
         """Worst pose with its rivals, and the table of the numbers."""
@@ -176,6 +204,50 @@ class Sensitivity(ReadOnly):
         from armdesign import plots
 
         return plots.tornado(self, ax)
+
+
+def differences(
+    machine: Machine, numbers: Sequence[Number], quantity: Callable[[Machine], T]
+) -> dict[str, T]:
+    """Change of a quantity by a natural step of each number, by key path; see ``Sensitivity``."""
+    changes = {}
+    for number in numbers:
+        ends = []
+        for step in _ways(number):
+            part = PART * step if np.isfinite(step) else 0.0
+            near = rebuilt(machine, {number.location: number.value + part})
+            ends.append((part, quantity(near)))
+        (up, higher), (down, lower) = ends
+        if up != down:
+            changes[number.path] = (higher - lower) / (up - down) * number.step[0]
+    return changes
+
+
+def bandwidth_sheet(
+    sensitivity: Sensitivity, frame: pd.DataFrame, damping: float | None = None
+) -> Sheet:
+    """Change of the bandwidth at the worst pose by a natural step: ``frame`` as a table."""
+    pose = sensitivity.rivals[0].pose
+    today = at_pose(sensitivity.machine, pose.q, pose.payload, damping)
+    rows = [
+        (
+            str(row["key"]),
+            f"{row['value']:.5g} {row['unit']}".strip(),
+            str(row["step"]),
+            *(_change(row[f"{name}_hz"]) for name in SCHEMES),
+        )
+        for _, row in frame.head(SHOWN).iterrows()
+    ]
+    more = f"{len(frame) - len(rows)} more change it; " if len(frame) > len(rows) else ""
+    return Sheet(
+        title="Change of the bandwidth at the worst pose by a natural step [mHz]",
+        columns=("key", "value", "step", "position gains alone", "with pressure feedback"),
+        rows=tuple(rows),
+        note=(
+            f"{more}today {1e3 * today[0]:.3g} mHz by position gains alone, {1e3 * today[1]:.3g}"
+            " mHz with pressure feedback, of gains common to all joints; by differences"
+        ),
+    )
 
 
 def _change(change: float) -> str:

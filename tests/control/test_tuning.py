@@ -9,8 +9,10 @@ import control
 import numpy as np
 import pytest
 
-from armdesign.control.bandwidth_map import GAIN_ERROR
+import armdesign as ad
+from armdesign.control.bandwidth_map import GAIN_ERROR, ControlOptions
 from armdesign.control.controller import Controller, closed_loop
+from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import FINE, Loops
 from armdesign.control.tuning import (
     Aim,
@@ -143,3 +145,20 @@ def test_delay_costs_bandwidth() -> None:
         tuned = damped(Task(plant, Loops.of(plant), Aim(margin=MARGIN)))
         widths.append(tuned.figures.narrowest[0])
     assert widths[1] < 0.95 * widths[0]
+
+
+def test_pressures_that_creep_with_air_take_no_bandwidth() -> None:
+    """A pole to the right that no loop makes: pressures at rest rise ever faster."""
+    machine = ad.load("excavator_20t")
+    airy = machine.replace({"fluid.entrained_air_percent": 0.2})
+    workspace = ad.Workspace.grid(machine, points=3)
+    few = workspace.subset(np.flatnonzero(workspace.q[:, 0] < 0))
+    plants = [loop_plant(each, each.at(few.q)) for each in (machine, airy)]
+    assert plants[0].creep.max() < 1e-5 < 1e-3 < plants[1].creep.max() < 2e-3
+    pole = plants[1].creep.argmax()
+    poles, shapes = np.linalg.eig(plants[1].A[pole])
+    shape = np.abs(shapes[:, poles.real.argmax()])
+    assert shape[:6].max() < 1e-3 * shape.max()  # [rad, bar]
+    for plant in plants:
+        task = Task(plant, Loops.of(plant), ControlOptions().aim)
+        assert (damped(task).figures.bandwidth > 2 * np.pi * 0.05).all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -119,3 +121,27 @@ def test_a_share_that_cannot_be_is_refused() -> None:
     machine = ad.load("paper_1dof")
     with pytest.raises(ad.ArmDesignError, match="within: -1 is not allowed"):
         ad.sensitivity(machine, within=-1)
+
+
+@pytest.mark.slow
+def test_bandwidths_by_every_number() -> None:
+    """Against bandwidth maps of one pose of machines that differ by a tenth of a step."""
+    machine = ad.load("excavator_20t")
+    workspace = ad.Workspace.grid(machine, points=3)
+    answer = ad.sensitivity(machine, workspace)
+    changes = answer.bandwidths().set_index("key")
+    sizes = changes["damped_hz"].abs().to_numpy()
+    assert (np.diff(sizes) <= 0).all()
+    assert "cylinder.boom.valve.leakage_l_per_min_per_bar" in changes.index  # of no frequency
+    pose = answer.rivals[0].pose
+    there = replace(workspace.subset(np.array([0])), q=pose.q[None])
+    for key, part in (("cylinder.boom.bore_mm", 1.0), ("payload.full.mass_kg", 10.0)):
+        ends = []
+        for sign in (1, -1):
+            other = machine.replace({key: changes.loc[key, "value"] + sign * part})
+            frame = ad.bandwidth_map(other, there).frame.set_index("payload")
+            ends.append(frame.loc[pose.payload])
+        for scheme in ("proportional_hz", "damped_hz"):
+            slope = 5 * (ends[0][scheme] - ends[1][scheme])  # a tenth of the step, both ways
+            largest = np.abs([changes[scheme][key], slope]).max()
+            assert changes[scheme][key] == pytest.approx(slope, abs=0.1 * largest + 1e-5)
