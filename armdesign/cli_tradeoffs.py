@@ -8,7 +8,7 @@ from armdesign.errors import Stopped
 from armdesign.option_values import listed
 from armdesign.options import AgainstOption, ValuesOption, VaryOption
 from armdesign.output import write_csv
-from armdesign.runs import DrawnSearch, OverWorkspace, Search, command
+from armdesign.runs import DrawnSearch, OverWorkspace, SearchOptions, command
 
 
 @command
@@ -54,7 +54,7 @@ def pareto(
 
 
 @command
-def steps(run: OverWorkspace, search: Search) -> None:
+def steps(run: OverWorkspace, search: SearchOptions) -> None:
     """Say which change to make first.
 
     Finds the best machine with other cylinders alone, with one pin moved, with two, up to all.

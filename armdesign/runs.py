@@ -326,7 +326,7 @@ class OverWorkspace(OfMachine):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class SearchOptions:
     """Options of a search for designs.
 
     Attributes:
@@ -352,7 +352,7 @@ class Search:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DrawnSearch(Search):
+class DrawnSearch(SearchOptions):
     """Options of a search for designs from several starts.
 
     Attributes:

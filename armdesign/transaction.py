@@ -113,7 +113,7 @@ def as_interrupt() -> Iterator[list[int]]:
 
 
 @dataclass(frozen=True)
-class _Stage:
+class _Staging:
     """Files on the way to their places."""
 
     root: Path
@@ -211,12 +211,12 @@ class _Stage:
 
 
 @contextlib.contextmanager
-def _stage(place: Path) -> Iterator[_Stage]:
+def _stage(place: Path) -> Iterator[_Staging]:
     """A folder beside the places of new files, locked while this process lives."""
     with contextlib.ExitStack() as held:
         with _locked(place):  # until it has its own lock it looks like one left behind
             _mend(place)
-            stage = _Stage(Path(tempfile.mkdtemp(dir=place, prefix=PREFIX)), place)
+            stage = _Staging(Path(tempfile.mkdtemp(dir=place, prefix=PREFIX)), place)
             held.enter_context(_locked(stage.root))
         try:
             stage.new.mkdir()
@@ -232,7 +232,7 @@ def _mend(place: Path) -> None:
     for root in sorted(path for path in place.iterdir() if STAGE.fullmatch(path.name)):
         with contextlib.suppress(OSError, ValueError, KeyError), _locked(root, wait=False) as dead:
             if dead and _is_private(root):
-                stage = _Stage(root, place)
+                stage = _Staging(root, place)
                 stage.recover()
                 shutil.rmtree(root, ignore_errors=True)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.calibration import words
-from armdesign.calibration.fit import Fit, Problem, determined, left_out, refuse_too_few
+from armdesign.calibration.fit import Fit, LeastSquares, determined, left_out, refuse_too_few
 from armdesign.calibration.measured import Measured, measured_of, read_measured
 from armdesign.calibration.prediction import Prediction, Predictor, measured_loads
 from armdesign.calibration.unknowns import Unknown, unknowns_of
@@ -206,7 +206,7 @@ def calibrate(
             measured = measured_of(_rows(measured), machine)
     unknowns = unknowns_of(machine, fit, priors)
     predictor = Predictor(machine, measured)
-    problem = Problem(machine, predictor, unknowns)
+    problem = LeastSquares(machine, predictor, unknowns)
     refuse_too_few(problem, fit)
     before = predictor(machine)
     of_all, kept, loose = determined(problem)

@@ -32,7 +32,7 @@ LEFT_OUT_STEPS = 3  # Gauss-Newton steps from the fit of all to that without one
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class LeastSquares:
     """Residuals of a machine's variants.
 
     Attributes:
@@ -122,7 +122,7 @@ class Fit:
         jacobian: of the residuals (m, k).
     """
 
-    problem: Problem
+    problem: LeastSquares
     u: Array
     residuals: Array
     jacobian: Array
@@ -172,7 +172,7 @@ class Fit:
         return float(t.ppf(upper, self.freedom) if self.scale > 1 else norm.ppf(upper))
 
 
-def fitted(problem: Problem, start: Array | None = None) -> Fit:
+def fitted(problem: LeastSquares, start: Array | None = None) -> Fit:
     """The least squares of a problem, from a start (k,) or the file's values."""
     from scipy.optimize import least_squares
 
@@ -185,7 +185,7 @@ def fitted(problem: Problem, start: Array | None = None) -> Fit:
     return Fit(problem, optimum.x, optimum.fun, problem.jacobian(optimum.x))
 
 
-def determined(problem: Problem) -> tuple[Fit, Fit | None, dict[str, float]]:
+def determined(problem: LeastSquares) -> tuple[Fit, Fit | None, dict[str, float]]:
     """The fit of all unknowns, and the fit of what the measurements determine.
 
     The second is None if they determine none. Beside them the relative deviation of every unknown
@@ -202,7 +202,7 @@ def determined(problem: Problem) -> tuple[Fit, Fit | None, dict[str, float]]:
         left = tuple(one for one, kept in zip(now.problem.unknowns, rest, strict=True) if kept)
         if not left:
             return of_all, None, loose
-        smaller = Problem(problem.machine, problem.predictor, left)
+        smaller = LeastSquares(problem.machine, problem.predictor, left)
         now = fitted(smaller, now.u[rest])
 
 
@@ -228,7 +228,7 @@ def left_out(fit: Fit) -> Array:
     return errors
 
 
-def refuse_too_few(problem: Problem, fit: Sequence[str]) -> None:
+def refuse_too_few(problem: LeastSquares, fit: Sequence[str]) -> None:
     """Raise if there are more unknowns than measurements and priors.
 
     Raises:

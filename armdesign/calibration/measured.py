@@ -116,11 +116,11 @@ def measured_of(rows: Rows, machine: Machine, source: str = "measured") -> Measu
     """
     if not rows:
         raise ArmDesignError(source, "holds no measurement", "give a row for each")
-    return _Table(rows, machine, source).measured()
+    return _MeasuredRows(rows, machine, source).measured()
 
 
 @dataclass(frozen=True, eq=False)
-class _Table:
+class _MeasuredRows:
     """Rows on their way to measurements of a machine."""
 
     rows: Rows

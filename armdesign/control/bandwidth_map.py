@@ -29,7 +29,7 @@ from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN, disk_margin_
 from armdesign.control.settling import settling_time, tracking_error
 from armdesign.control.tuning import (
     Aim,
-    Candidate,
+    Gains,
     Task,
     Tuned,
     best_of,
@@ -237,7 +237,7 @@ def default_points(machine: Machine) -> int:
     return max(2, round(500 ** (1 / moving)))
 
 
-class _Part(NamedTuple):
+class _CasePart(NamedTuple):
     """Poses of a load case, and at which of them a controller can work."""
 
     case: CasePoses
@@ -251,20 +251,20 @@ class _Part(NamedTuple):
         return Task(plant, Loops.of(plant), aim)
 
 
-def _parts(cases: Sequence[CasePoses], machine: Machine) -> list[_Part]:
+def _parts(cases: Sequence[CasePoses], machine: Machine) -> list[_CasePart]:
     """All poses in parts, load case by load case.
 
     Raises:
         PoseError: a controller works at none of them.
     """
-    parts: dict[str, list[_Part]] = {case.name: [] for case in cases}
+    parts: dict[str, list[_CasePart]] = {case.name: [] for case in cases}
     for case, _, rigid in in_chunks(cases, f"{machine.name}: bandwidths"):
         poses = poses_of(cases, case, rigid) if len(rigid) else None
         for begin in range(0, len(rigid), CHUNK):
             assert poses is not None
             some = poses[begin : begin + CHUNK]
             works = np.flatnonzero(workable(case.machine, some))
-            parts[case.name].append(_Part(case, some, works))
+            parts[case.name].append(_CasePart(case, some, works))
     listed = [part for of_case in parts.values() for part in of_case]
     if not any(len(part.works) for part in listed):
         fault = "at no pose of the workspace can its valves move all loads both ways"
@@ -273,9 +273,9 @@ def _parts(cases: Sequence[CasePoses], machine: Machine) -> list[_Part]:
     return listed
 
 
-def _candidates(parts: Sequence[_Part], options: ControlOptions, aim: Aim) -> list[Candidate]:
+def _candidates(parts: Sequence[_CasePart], options: ControlOptions, aim: Aim) -> list[Gains]:
     """Gains without unit of their own for each loop, searched at a few poses of each load case."""
-    candidates = list[Candidate]()
+    candidates = list[Gains]()
     for part in parts:
         if len(part.works):
             order = natural_modes(part.poses[part.works]).frequencies[:, 0].argsort()
@@ -285,7 +285,7 @@ def _candidates(parts: Sequence[_Part], options: ControlOptions, aim: Aim) -> li
 
 
 def _tabled(
-    part: _Part, options: ControlOptions, aim: Aim, candidates: Sequence[Candidate]
+    part: _CasePart, options: ControlOptions, aim: Aim, candidates: Sequence[Gains]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Rows of the frame and of the gains of one part."""
     import pandas as pd

@@ -60,7 +60,7 @@ class Aim:
     corner: float | None = None
 
 
-class Candidate(NamedTuple):
+class Gains(NamedTuple):
     """Gains of a controller, without unit, that are tried at many poses."""
 
     kappa: Array | float  # of the position loops (nq,), or of all
@@ -93,12 +93,12 @@ class Task:
         unit = self.controller(*_shapes(self, 1.0))
         return controller.position / unit.position, controller.pressure / unit.pressure
 
-    def tried(self, candidate: Candidate, factor: Array) -> Controller:
+    def tried(self, candidate: Gains, factor: Array) -> Controller:
         """The controllers of a candidate with factors (n,) on its position gains."""
         kappa, eta = _shapes(self)
         return self.controller(kappa * candidate.kappa * factor[:, None], eta + candidate.eta)
 
-    def largest(self, candidate: Candidate, least: Array) -> Array:
+    def largest(self, candidate: Gains, least: Array) -> Array:
         """Largest factor on the gains κ of a candidate that keeps the margin (n,).
 
         0 where it is not larger than the ``least`` that is of interest (n,).
@@ -117,7 +117,7 @@ class Task:
             low, high = np.where(raised, middle, low), np.where(raised, high, middle)
         return low
 
-    def _first(self, candidate: Candidate, least: Array) -> Array:
+    def _first(self, candidate: Gains, least: Array) -> Array:
         """The first of ``FACTORS`` that keeps the margin (n,), as ``largest``.
 
         Less of gains that were searched together may keep less of a margin.
@@ -128,18 +128,18 @@ class Task:
             factor[self._holding(np.full(len(least), tried), candidate, rows)] = tried
         return factor
 
-    def _holding(self, factor: Array, candidate: Candidate, rows: Array) -> Array:
+    def _holding(self, factor: Array, candidate: Gains, rows: Array) -> Array:
         return rows[self.loops.holds(self.tried(candidate, factor), self.aim.margin, rows)]
 
 
 def proportional(task: Task) -> Tuned:
     """Position loops alone, one gain for all joints (n); 0 where none keeps the margin."""
-    return best_of(task, [Candidate(1.0, 0.0)])
+    return best_of(task, [Gains(1.0, 0.0)])
 
 
 def damped(task: Task) -> Tuned:
     """One position gain and one loss factor η for all loops (n)."""
-    return best_of(task, [Candidate(1.0, eta) for eta in LOSS_FACTORS])
+    return best_of(task, [Gains(1.0, eta) for eta in LOSS_FACTORS])
 
 
 class Tuned(NamedTuple):
@@ -161,7 +161,7 @@ class Tuned(NamedTuple):
         return Tuned(controller, self.figures.where(better, other.figures))
 
 
-def best_of(task: Task, candidates: Sequence[Candidate]) -> Tuned:
+def best_of(task: Task, candidates: Sequence[Gains]) -> Tuned:
     """Controllers (n) of the candidates with the widest bandwidth where the margin allows it.
 
     The position gains of each candidate are made as large as the margin allows.
@@ -181,7 +181,7 @@ def best_of(task: Task, candidates: Sequence[Candidate]) -> Tuned:
     return Tuned(controller, task.loops.figures(controller))
 
 
-def searched(task: Task) -> list[Candidate]:
+def searched(task: Task) -> list[Gains]:
     """Gains of their own for each loop, searched at every pose of a few: Nelder and Mead (1965).
 
     The objective is the narrowest bandwidth of all loops, and a little of the others.
@@ -199,7 +199,7 @@ def searched(task: Task) -> list[Candidate]:
         result = minimize(_cost, start, (alone, nq), method="Nelder-Mead", options=options)
         x = np.exp(result.x)
         width = alone.loops.figures(alone.controller(x[None, :nq], x[None, nq:])).narrowest
-        answers.append(Candidate(x[:nq], x[nq:], float(width[0] / plant.omega[0]), True))
+        answers.append(Gains(x[:nq], x[nq:], float(width[0] / plant.omega[0]), True))
     return answers
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.drawing.outlines import Body
+from armdesign.drawing.outlines import DrawnBody
 from armdesign.drawing.plane import PicturePlane
 from armdesign.errors import MachineFileError
 
@@ -47,7 +47,7 @@ class JointArc:
 
 
 def joint_arcs(
-    machine: Machine, plane: PicturePlane, bodies: tuple[Body, ...]
+    machine: Machine, plane: PicturePlane, bodies: tuple[DrawnBody, ...]
 ) -> tuple[JointArc, ...]:
     """Arcs of all joints of poses that move in the picture."""
     arm, arcs = machine.arm, []

@@ -31,7 +31,7 @@ SOURCES = ("visuals", "outline", "pins")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Body:
+class DrawnBody:
     """Bodies that one coordinate moves before the next, from the side.
 
     Attributes:
@@ -48,7 +48,7 @@ class Body:
     polygons: tuple[Array, ...]
 
 
-def bodies(machine: Machine, plane: PicturePlane) -> tuple[Body, ...]:
+def bodies(machine: Machine, plane: PicturePlane) -> tuple[DrawnBody, ...]:
     """Bodies of a machine: the one that stands still, then of each coordinate (k + 1)."""
     arm, shapes = (
         machine.arm,
@@ -72,7 +72,7 @@ def bodies(machine: Machine, plane: PicturePlane) -> tuple[Body, ...]:
         back = _back(plane, links[0])
         polygons = (p for shape in seen[source] for p in _polygons(shape, FINE * size))
         corners = tuple(placed(back, polygon) for polygon in polygons)
-        drawn.append(Body(link=links[0], links=links, source=source, polygons=corners))
+        drawn.append(DrawnBody(link=links[0], links=links, source=source, polygons=corners))
     return tuple(drawn)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.drawing.joint_arcs import JointArc, joint_arcs
-from armdesign.drawing.outlines import Body, bodies, distance
+from armdesign.drawing.outlines import DrawnBody, bodies, distance
 from armdesign.drawing.plane import PicturePlane, placed
 from armdesign.errors import PoseError
 from armdesign.hydraulics.actuator import Cylinder
@@ -123,7 +123,7 @@ class SideView(ReadOnly):
         ground: height of the ground [m]: of the root link's origin, or what stands lower.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[DrawnBody, ...]
     placements: Array
     pins: tuple[PinPoint, ...]
     points: Array
@@ -341,7 +341,7 @@ def _shape(
     )
 
 
-def _ground(plane: PicturePlane, standing: Body) -> float:
+def _ground(plane: PicturePlane, standing: DrawnBody) -> float:
     matrix = plane.placements(plane.zero, standing.link)[0]
     drawn = standing.polygons if standing.source == "visuals" else ()
     return min([0.0, *(float(placed(matrix, corners)[:, 1].min()) for corners in drawn)])

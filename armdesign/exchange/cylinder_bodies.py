@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,19 +22,19 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage, Pin
-from armdesign.mechanism.linkage.four_bar import FourBar
+from armdesign.mechanism.linkage.kinds import KINDS
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 APART = 1.5  # between the middles of parallel cylinders, over their diameter, as drawn
-PARTS = ("swivel", "barrel", "rod", "rocker", "coupler")
+PARTS = ("swivel", "barrel", "rod", *(bar for kind in KINDS for bar, _ in kind.legs))
 PLANE = 1e-9  # share of its length by which a cylinder may leave the plane of its link
 ROD, BARREL, BAR = (0.75, 0.77, 0.80, 1), (0.25, 0.27, 0.30, 1), (0.45, 0.46, 0.48, 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Body:
+class CylinderBody:
     """A barrel, rod, rocker or coupler, or a swivel without extent before a barrel.
 
     Attributes:
@@ -77,7 +77,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class _Lines:
+class _Directions:
     """Angles and length of a line from a pin, in its link's frame (n + 1,), the reference last."""
 
     pan: Array
@@ -85,7 +85,7 @@ class _Lines:
     length: Array
 
     @classmethod
-    def between(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Lines:
+    def between(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Directions:
         rotation = linkage.arm.link_rotation(rigid, link)
         x, y, z = np.moveaxis((np.swapaxes(rotation, 1, 2) @ ends[:, :, None])[..., 0], 1, 0)
         length = np.sqrt(x**2 + y**2 + z**2)
@@ -94,7 +94,7 @@ class _Lines:
         return cls(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)), length)
 
 
-def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Body, ...]:
+def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[CylinderBody, ...]:
     """Bodies of all cylinders that move a joint, with the positions of their joints at q (n, nq).
 
     Args:
@@ -103,11 +103,10 @@ def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Body,
         reference: the pose (nq,) at which all their joints are 0.
     """
     rigid = machine.arm.kinematics(np.concatenate([q, reference[None]]))
-    bodies: list[Body] = []
+    bodies: list[CylinderBody] = []
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         name = _stem(machine, cylinder.name)
-        if isinstance(linkage, FourBar):
-            bodies += _four_bar(name, cylinder, linkage, rigid)
+        bodies += _legs(name, cylinder, linkage, rigid)
         bodies += _cylinder(machine, name, cylinder, linkage, rigid)
     return tuple(bodies)
 
@@ -122,18 +121,19 @@ def _stem(machine: Machine, name: str) -> str:
 
 def _rod_end(name: str, linkage: Linkage) -> tuple[str, tuple[float, float, float]]:
     """Link or body that the rod ends on, and the pin in its frame [m]."""
-    if isinstance(linkage, FourBar):
-        return f"{name}_rocker", (linkage.rocker, 0.0, 0.0)
-    pin: Pin = getattr(linkage, linkage.key)
+    if linkage.legs:
+        bar, _ = linkage.legs[0]
+        return f"{name}_{bar}", (getattr(linkage, bar), 0.0, 0.0)
+    pin: Pin = linkage.rod_end_record()["far"]
     return pin.link, pin.at
 
 
 def _cylinder(
     machine: Machine, name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses
-) -> Iterator[Body]:
+) -> Iterator[CylinderBody]:
     """Swivel if needed, barrel and rod."""
     base, end = linkage.ends(rigid)
-    lines = _Lines.between(linkage, rigid, linkage.base.link, end - base)
+    lines = _Directions.between(linkage, rigid, linkage.base.link, end - base)
     outer = float(barrel_outer(cylinder.bore, cylinder.barrel_wall, machine.supply.pressure))
     eye = max(min(0.8 * cylinder.bore, 0.3 * cylinder.dead_length), 0.0)
     middle = (cylinder.count - 1) / 2
@@ -141,7 +141,7 @@ def _cylinder(
     parent, place = linkage.base.link, linkage.base.at
     if np.any(lines.pan):
         pan = float(lines.pan[-1])
-        yield Body(
+        yield CylinderBody(
             name=f"{name}_swivel",
             parent=parent,
             kind="continuous",
@@ -151,7 +151,7 @@ def _cylinder(
             positions=lines.pan[:-1] - pan,
         )
         parent, place = f"{name}_swivel", (0.0, 0.0, 0.0)
-    yield Body(
+    yield CylinderBody(
         name=f"{name}_barrel",
         parent=parent,
         kind="continuous",
@@ -174,11 +174,11 @@ def _rod(
     linkage: Linkage,
     lengths: Array,
     drawn: tuple[float, tuple[float, ...]],
-) -> Body:
+) -> CylinderBody:
     """The rod in its barrel; ``drawn``: the length of an eye, and offsets along y [m]."""
     (eye, offsets), first, closed = drawn, float(lengths[-1]), cylinder.closed_length
     target, pin = _rod_end(name, linkage)
-    return Body(
+    return CylinderBody(
         name=f"{name}_rod",
         parent=f"{name}_barrel",
         kind="prismatic",
@@ -198,44 +198,66 @@ def _rod(
     )
 
 
-def _four_bar(
-    name: str, cylinder: Cylinder, linkage: FourBar, rigid: RigidPoses
-) -> tuple[Body, Body]:
-    """Rocker and coupler; the coupler ends on the lug."""
-    link, knee = linkage.pivot.link, linkage.ends(rigid)[1]
-    pivot, lug = (linkage.point(rigid, pin) for pin in (linkage.pivot, linkage.lug))
-    rocker = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, knee - pivot))
-    coupler = _Lines.between(linkage, rigid, link, _in_plane(linkage, rigid, lug - knee))
-    bend, masses = coupler.raise_ - rocker.raise_, cylinder.moving_masses
-    bars = (
-        ("rocker", link, linkage.pivot.at, linkage.rocker, rocker.raise_),
-        ("coupler", f"{name}_rocker", (linkage.rocker, 0.0, 0.0), linkage.coupler, bend),
-    )
-    first, second = (
-        Body(
-            name=f"{name}_{part}",
-            parent=parent,
-            kind="continuous",
-            axis=(0.0, -1.0, 0.0),
-            place=place,
-            turn=(0.0, -float(angles[-1]), 0.0),
-            span=(0.0, length),
-            diameter=0.6 * cylinder.bore,
-            offsets=(0.0,),
-            colour=BAR,
-            mass=masses.get(part, 0.0),
-            bar=(0.0, length),
-            positions=_turns(angles),
-        )
-        for part, parent, place, length, angles in bars
-    )
-    end = (linkage.coupler, 0.0, 0.0)
-    return first, replace(second, closes=linkage.lug.link, end=end, pin=linkage.lug.at)
+def _legs(
+    name: str, cylinder: Cylinder, linkage: Linkage, rigid: RigidPoses
+) -> Iterator[CylinderBody]:
+    """Bars that carry the rod end: the first turns about its pin, the others about the rod end.
+
+    They lie in the x–z plane of the first one's link; the others end on their own pins.
+    """
+    if not linkage.legs:
+        return
+    (first, pivot), *others = ((bar, _pin(linkage, pin)) for bar, pin in linkage.legs)
+    link, end = pivot.link, linkage.ends(rigid)[1]
+    along = _in_plane(linkage, rigid, link, end - linkage.point(rigid, pivot))
+    raised = _Directions.between(linkage, rigid, link, along).raise_
+    start, length = _Joint(link, pivot.at), getattr(linkage, first)
+    yield _leg(name, cylinder, (first, length), start, raised)
+    for bar, pin in others:
+        along = _in_plane(linkage, rigid, link, linkage.point(rigid, pin) - end)
+        bend = _Directions.between(linkage, rigid, link, along).raise_ - raised
+        joint, own = _Joint(f"{name}_{first}", (length, 0.0, 0.0)), getattr(linkage, bar)
+        body = _leg(name, cylinder, (bar, own), joint, bend)
+        yield replace(body, closes=pin.link, end=(own, 0.0, 0.0), pin=pin.at)
 
 
-def _in_plane(linkage: FourBar, rigid: RigidPoses, vector: Array) -> Array:
-    """The part of vectors (n, 3) in the plane of a four-bar."""
-    normal = linkage.arm.link_rotation(rigid, linkage.pivot.link)[:, :, 1]
+class _Joint(NamedTuple):
+    """Place of a joint in the frame of the link or body that carries it [m]."""
+
+    parent: str
+    place: tuple[float, float, float]
+
+
+def _leg(
+    name: str, cylinder: Cylinder, bar: tuple[str, float], joint: _Joint, angles: Array
+) -> CylinderBody:
+    """A bar by its name and length [m], turned by angles (n + 1,), the reference last."""
+    part, length = bar
+    return CylinderBody(
+        name=f"{name}_{part}",
+        parent=joint.parent,
+        kind="continuous",
+        axis=(0.0, -1.0, 0.0),
+        place=joint.place,
+        turn=(0.0, -float(angles[-1]), 0.0),
+        span=(0.0, length),
+        diameter=0.6 * cylinder.bore,
+        offsets=(0.0,),
+        colour=BAR,
+        mass=cylinder.moving_masses.get(part, 0.0),
+        bar=(0.0, length),
+        positions=_turns(angles),
+    )
+
+
+def _pin(linkage: Linkage, name: str) -> Pin:
+    pin: Pin = getattr(linkage, name)
+    return pin
+
+
+def _in_plane(linkage: Linkage, rigid: RigidPoses, link: str, vector: Array) -> Array:
+    """The part of vectors (n, 3) in the x–z plane of a link."""
+    normal = linkage.arm.link_rotation(rigid, link)[:, :, 1]
     return np.asarray(vector - np.einsum("ni,ni->n", vector, normal)[:, None] * normal)
 
 

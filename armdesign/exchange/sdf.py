@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.visuals import Visual, visuals
-from armdesign.exchange.cylinder_bodies import Body, cylinder_bodies
+from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
 from armdesign.exchange.urdf import centre, folder_of, urdf
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.arm import RigidPoses
@@ -171,7 +171,7 @@ def _add_axis(
 # --------------------------------------------------------------------------------------- cylinders
 
 
-def _add_body(model: ET.Element, body: Body) -> None:
+def _add_body(model: ET.Element, body: CylinderBody) -> None:
     """A body of a cylinder or four-bar, its joint, and the joint that closes its loop."""
     link = ET.SubElement(model, "link", name=body.name)
     roll, pitch, yaw = body.turn

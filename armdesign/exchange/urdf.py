@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.drawing.visuals import mesh_file
-from armdesign.exchange.cylinder_bodies import Body, cylinder_bodies
+from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.urdf import attribute
 from armdesign.mechanism.urdf_faults import MOVABLE
@@ -131,7 +131,7 @@ def _add_limits(machine: Machine, robot: ET.Element) -> None:
             limit.set("velocity", f"{velocity:.6g}")
 
 
-def _add_link(robot: ET.Element, body: Body) -> None:
+def _add_link(robot: ET.Element, body: CylinderBody) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
     if body.mass > 0:
         inertial = ET.SubElement(link, "inertial")
@@ -147,7 +147,7 @@ def _add_link(robot: ET.Element, body: Body) -> None:
         add_visual(link, shape, middle, (0.0, np.pi / 2, 0.0), body.colour)
 
 
-def _add_joint(robot: ET.Element, body: Body) -> None:
+def _add_joint(robot: ET.Element, body: CylinderBody) -> None:
     joint = ET.SubElement(robot, "joint", name=body.name, type=body.kind)
     ET.SubElement(joint, "parent", link=body.parent)
     ET.SubElement(joint, "child", link=body.name)
@@ -158,7 +158,7 @@ def _add_joint(robot: ET.Element, body: Body) -> None:
         ET.SubElement(joint, "limit", lower=lower, upper=upper, effort="0", velocity="0")
 
 
-def centre(body: Body) -> tuple[float, float, float]:
+def centre(body: CylinderBody) -> tuple[float, float, float]:
     """Centre of mass of a body [m] in its frame."""
     return sum(body.bar) / 2, 0.0, 0.0
 

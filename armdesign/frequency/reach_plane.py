@@ -23,7 +23,7 @@ STARTS = 6  # per cell on each edge of the joint ranges
 
 
 @dataclass(frozen=True, eq=False)
-class _Cells:
+class _Squares:
     """Square cells of the plane: their lower left corner (2,) and size [m]."""
 
     origin: Array
@@ -55,7 +55,7 @@ def poses_on_cells(
     """
     ranges = np.array([[axis[0], axis[-1]] for axis in axes])
     places, _ = place_and_slopes(machine, grid)
-    cells = _Cells(places.min(axis=0), np.ptp(places, axis=0).max() / count)
+    cells = _Squares(places.min(axis=0), np.ptp(places, axis=0).max() / count)
     starts, everywhere = cells.of(places), np.ones_like(grid)
     q, cell, which = _onto_middles(machine, ranges, cells, grid, starts, everywhere)
     if len(q) == 0:
@@ -108,7 +108,7 @@ def _postures(axes: Axes, q: Array, cell: Array) -> tuple[Array, Array]:
 def _onto_middles(
     machine: Machine,
     ranges: Array,
-    cells: _Cells,
+    cells: _Squares,
     starts: Array,
     cell: Array,
     free: Array,
@@ -144,10 +144,11 @@ def place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tup
     place, slope = place_and_slopes(machine, q)
     if payload is None or payload.link is None:
         return place, slope
-    arm, link, step = machine.arm, payload.link, 1e-6
-    pitch = arm.pitch(arm.kinematics(q), link)
-    ahead = [arm.pitch(arm.kinematics(q + step * one), link) for one in np.eye(q.shape[1])]
-    slopes = np.stack([wrapped(turned - pitch) / step for turned in ahead], axis=1)
+    arm, step = machine.arm, 1e-6
+    pitch = payload.limited_angle(arm, arm.kinematics(q))
+    turned = (arm.kinematics(q + step * one) for one in np.eye(q.shape[1]))
+    ahead = [payload.limited_angle(arm, rigid) for rigid in turned]
+    slopes = np.stack([wrapped(angle - pitch) / step for angle in ahead], axis=1)
     rows = (place, pitch[:, None]), (slope, slopes[:, None])
     values, derivatives = (np.concatenate(pair, axis=1) for pair in rows)
     return values, derivatives

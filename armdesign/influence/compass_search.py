@@ -29,7 +29,7 @@ def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
 
     NaN where neither that pose nor the one that follows its ends is in stroke.
     """
-    search = _Search(family, replace(ends, ends=all_ends(ends.machine)))
+    search = _Compass(family, replace(ends, ends=all_ends(ends.machine)))
     best_q = ends.follow(family, q)
     best_q = np.clip(best_q, *ends.machine.arm.limits.T)
     best = search.frequencies(best_q, np.arange(family.count))
@@ -56,7 +56,7 @@ def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
     return np.where(np.isfinite(best), best, np.nan), best_q
 
 
-class _Search:
+class _Compass:
     """Frequencies of members at poses, inf out of stroke, and the directions that are tried."""
 
     def __init__(self, family: Family, ends: Ends) -> None:

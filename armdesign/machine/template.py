@@ -84,7 +84,7 @@ def _text(name: str, data: Mapping[str, Any], origin: str) -> str:
         f"# Then: armdesign check {name}.toml    armdesign map {name}.toml",
         "",
     ]
-    body = _Lines()
+    body = _TomlLines()
     order = ["name", "title", "joints", "frozen", "damped", "tool"]
     order += ["links", "payload", "fluid", "supply", "cylinder", "motor", "spring", "stability"]
     order += ["lift_chart", "bands", "requirements", "tolerances"]
@@ -93,7 +93,7 @@ def _text(name: str, data: Mapping[str, Any], origin: str) -> str:
     return "\n".join([*head, *body.lines, *_further(data)]) + "\n"
 
 
-class _Lines:
+class _TomlLines:
     """Lines of a TOML text, each key with what the schema says of it."""
 
     def __init__(self) -> None:

@@ -40,7 +40,7 @@ class Located(ET.Element):
 
 
 @dataclass(frozen=True)
-class Part:
+class UrdfPart:
     """A joint or link: its name in messages, and its element."""
 
     name: str
@@ -169,10 +169,10 @@ def numbers(element: ET.Element | None, key: str, default: str) -> Array:
         return np.array([math.nan])
 
 
-def _parts(robot: ET.Element, kind: str, source: str) -> Iterator[Part]:
+def _parts(robot: ET.Element, kind: str, source: str) -> Iterator[UrdfPart]:
     """Every joint or link."""
     for index, element in enumerate(robot.findall(kind), 1):
-        yield Part(f"{source}: {kind} {element.get('name') or f'number {index}'}", element)
+        yield UrdfPart(f"{source}: {kind} {element.get('name') or f'number {index}'}", element)
 
 
 def _of_names(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
@@ -192,7 +192,7 @@ def _of_names(robot: ET.Element, source: str) -> Iterator[MachineFileError]:
 
 
 def _of_numbers(
-    element: ET.Element | None, key: str, default: str, count: int, part: Part
+    element: ET.Element | None, key: str, default: str, count: int, part: UrdfPart
 ) -> Iterator[MachineFileError]:
     values = numbers(element, key, default)
     if len(values) != count or not np.all(np.abs(values) <= LARGEST):
@@ -213,12 +213,14 @@ def _without_commas(text: str, count: int) -> str:
     return ""
 
 
-def _of_origin(element: ET.Element, part: Part) -> Iterator[MachineFileError]:
+def _of_origin(element: ET.Element, part: UrdfPart) -> Iterator[MachineFileError]:
     for key in ("xyz", "rpy"):
         yield from _of_numbers(element.find("origin"), key, "0 0 0", 3, part)
 
 
-def _of_joint(joint: Part, moves: bool | None, frozen: float | None) -> Iterator[MachineFileError]:
+def _of_joint(
+    joint: UrdfPart, moves: bool | None, frozen: float | None
+) -> Iterator[MachineFileError]:
     """Faults of a joint; ``moves`` is None where it is not known whether it is a coordinate."""
     kind, mimic = joint.element.get("type"), joint.element.find("mimic")
     if kind not in (*MOVABLE, "fixed"):
@@ -242,7 +244,7 @@ def _of_joint(joint: Part, moves: bool | None, frozen: float | None) -> Iterator
         yield joint.fault("has no <limit>", remedy)
 
 
-def _of_axis(joint: Part) -> Iterator[MachineFileError]:
+def _of_axis(joint: UrdfPart) -> Iterator[MachineFileError]:
     axis = joint.element.find("axis")
     wrong = list(_of_numbers(axis, "xyz", "1 0 0", 3, joint))
     yield from wrong
@@ -252,7 +254,7 @@ def _of_axis(joint: Part) -> Iterator[MachineFileError]:
 
 
 def _of_limits(
-    joint: Part, limit: ET.Element, moves: bool | None, frozen: float
+    joint: UrdfPart, limit: ET.Element, moves: bool | None, frozen: float
 ) -> Iterator[MachineFileError]:
     """Limits of a joint that moves; of one that does not, only whether it stands between them."""
     ends = ("lower", "upper")
@@ -276,7 +278,7 @@ def _of_limits(
             yield joint.fault(f"{key} {value:g} is negative", remedy, limit)
 
 
-def _of_inertial(link: Part) -> Iterator[MachineFileError]:
+def _of_inertial(link: UrdfPart) -> Iterator[MachineFileError]:
     inertial = link.element.find("inertial")
     if inertial is None:
         return
@@ -294,7 +296,7 @@ def _of_inertial(link: Part) -> Iterator[MachineFileError]:
         yield from _of_inertia(inertia, link)
 
 
-def _of_inertia(inertia: ET.Element, link: Part) -> Iterator[MachineFileError]:
+def _of_inertia(inertia: ET.Element, link: UrdfPart) -> Iterator[MachineFileError]:
     keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     wrong = [fault for key in keys for fault in _of_numbers(inertia, key, "", 1, link)]
     yield from wrong

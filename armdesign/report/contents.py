@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError, printable
-from armdesign.report.scene import Scene
+from armdesign.report.scene import MapScene
 from armdesign.report.sheet import Sheet
 
 FILE = "report.json"
@@ -20,7 +20,7 @@ FORMAT = 1  # of the file; a reader of another refuses it
 
 
 @dataclass(frozen=True, kw_only=True)
-class Number:
+class HeadlineNumber:
     """A number of the headline: its name, its value with unit, and where it holds."""
 
     name: str
@@ -37,7 +37,7 @@ class Picture:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Section:
+class ReportSection:
     """A section of a report.
 
     Attributes:
@@ -65,9 +65,9 @@ class Report:
 
     title: str
     lead: str
-    headline: tuple[Number, ...] = ()
-    sections: tuple[Section, ...]
-    scene: Scene | None = None
+    headline: tuple[HeadlineNumber, ...] = ()
+    sections: tuple[ReportSection, ...]
+    scene: MapScene | None = None
     format: int = FORMAT
 
     def text(self) -> str:

@@ -12,7 +12,7 @@ from armdesign.design.provenance import stated_requirements
 from armdesign.errors import ArmDesignError
 from armdesign.report.bandwidths import bandwidth_sheets
 from armdesign.report.comparison import Comparison
-from armdesign.report.contents import Picture, Report, Section
+from armdesign.report.contents import Picture, Report, ReportSection
 from armdesign.report.designs import (
     bands_of_design,
     bandwidth_sheet,
@@ -63,7 +63,7 @@ def design_report(
         lead=f"{summary(design)} In nonlinear simulation, {verdict(list(proofs.values()))}.",
         headline=headline(maps, design.bands, known, units),
         sections=(
-            Section(
+            ReportSection(
                 title="In three numbers",
                 sheets=(
                     *filter(None, [bandwidth_sheet(design)]),
@@ -71,8 +71,8 @@ def design_report(
                     bands_of_design(design),
                 ),
             ),
-            Section(title="The machine, today and new", shows="drawing"),
-            Section(
+            ReportSection(title="The machine, today and new", shows="drawing"),
+            ReportSection(
                 title="Maps before and after",
                 shows="maps",
                 pictures=of["map"],
@@ -80,15 +80,15 @@ def design_report(
             ),
             _buyer(design, of["lift"], units),
             _changes(design, of["moment"], units),
-            Section(
+            ReportSection(
                 title="Binding requirements and their prices",
                 sheets=(binding_sheet(design, units),),
             ),
-            Section(title="Bound and gap", sheets=(bound_sheet(design),)),
+            ReportSection(title="Bound and gap", sheets=(bound_sheet(design),)),
             _bandwidth(design, units),
             _validation(proofs, of["frequency"]),
-            Section(title="Assumptions", words=_assumptions(design)),
-            Section(title="Provenance", sheets=(_provenance(design, origin),)),
+            ReportSection(title="Assumptions", words=_assumptions(design)),
+            ReportSection(title="Provenance", sheets=(_provenance(design, origin),)),
         ),
         scene=scene_of(maps),
     )
@@ -98,11 +98,11 @@ PICTURES = ("map", "lift", "moment", "frequency")  # how files of pictures begin
 BANDWIDTHS = 24  # poses at which bandwidths are computed: less than 2 s for each machine
 
 
-def _buyer(design: Design, pictures: Sequence[Picture], units: Units) -> Section:
+def _buyer(design: Design, pictures: Sequence[Picture], units: Units) -> ReportSection:
     """Section for a buyer: lift chart, digging force, stroke times."""
     machines = {"today": design.today, "new": design.machine}
     both = {label: (machine, design.workspace) for label, machine in machines.items()}
-    return Section(
+    return ReportSection(
         title="What the buyer sees",
         pictures=tuple(pictures),
         sheets=(
@@ -113,16 +113,16 @@ def _buyer(design: Design, pictures: Sequence[Picture], units: Units) -> Section
     )
 
 
-def _changes(design: Design, pictures: Sequence[Picture], units: Units) -> Section:
+def _changes(design: Design, pictures: Sequence[Picture], units: Units) -> ReportSection:
     differences = Comparison({"today": design.before, "new": design.after}, True)
-    return Section(
+    return ReportSection(
         title="Changes",
         pictures=tuple(pictures),
         sheets=(sizes_sheet(design, units), differences.differing()),
     )
 
 
-def _bandwidth(design: Design, units: Units) -> Section:
+def _bandwidth(design: Design, units: Units) -> ReportSection:
     """Bandwidths at poses of the workspace, the same for both machines: all take minutes."""
     from armdesign.control.bandwidth_map import bandwidth_map
 
@@ -132,14 +132,14 @@ def _bandwidth(design: Design, units: Units) -> Section:
         try:
             maps[label] = bandwidth_map(one.machine, poses)
         except ArmDesignError as error:
-            return Section(title=title, words=(f"Not known: {error}.",))
+            return ReportSection(title=title, words=(f"Not known: {error}.",))
     words = (
         f"Worst and median of {len(poses)} of the workspace's {len(design.workspace)} poses, in"
         " every load case: those with the lowest frequency of each machine, and others drawn at"
         " random; armdesign control maps the workspace.",
     )
     reached, *_, promised = bandwidth_sheets(maps, units)
-    return Section(title=title, words=words, sheets=(reached, promised))
+    return ReportSection(title=title, words=words, sheets=(reached, promised))
 
 
 def _rows_of_bandwidths(maps: Sequence[FrequencyMap]) -> Array:
@@ -154,13 +154,13 @@ def _rows_of_bandwidths(maps: Sequence[FrequencyMap]) -> Array:
     return np.unique(np.concatenate(rows))
 
 
-def _validation(proofs: Mapping[str, Validation], pictures: Sequence[Picture]) -> Section:
+def _validation(proofs: Mapping[str, Validation], pictures: Sequence[Picture]) -> ReportSection:
     runs = {
         f"{label} {pose}": validation
         for label, proof in proofs.items()
         for pose, validation in proof.by_pose.items()
     }
-    return Section(
+    return ReportSection(
         title="Validation by nonlinear simulation",
         words=(f"{verdict(list(proofs.values()))}.",),
         pictures=tuple(pictures),

@@ -18,7 +18,7 @@ import numpy as np
 
 from armdesign.errors import ArmDesignError
 from armdesign.plots.canvas import MARK, colours_between
-from armdesign.report.scene import CellAxis, Scene
+from armdesign.report.scene import CellAxis, MapScene
 
 TOOLTIPS = [
     ("frequency", "@words"),
@@ -47,7 +47,7 @@ class Interactive(NamedTuple):
     places: tuple[str, ...]
 
 
-def interactive(scene: Scene) -> Interactive:
+def interactive(scene: MapScene) -> Interactive:
     """A figure for each machine of a scene, ``map-0`` …, with its sources, filled by a script.
 
     Raises:
@@ -65,7 +65,7 @@ def interactive(scene: Scene) -> Interactive:
     return Interactive(_library(), script, tuple(divisions))
 
 
-def document(scene: Scene) -> dict[str, Any]:
+def document(scene: MapScene) -> dict[str, Any]:
     """All figures of a scene as a document of bokeh, without its version."""
     numbers = count()
     figures = [_figure(scene, index, numbers) for index in range(len(scene.machines))]
@@ -83,7 +83,7 @@ def _library() -> str:
         raise ArmDesignError("bokeh", fault, "install bokeh again") from None
 
 
-def _figure(scene: Scene, index: int, numbers: Iterator[int]) -> Model:
+def _figure(scene: MapScene, index: int, numbers: Iterator[int]) -> Model:
     def model(kind: str, **attributes: Any) -> Model:
         return {
             "type": "object",

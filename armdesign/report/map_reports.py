@@ -10,7 +10,7 @@ from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands, FrequencyBand
 from armdesign.frequency.worst_frequency import WorstPose, worst_anywhere
 from armdesign.report.bands import end_names, is_assumed, widths
-from armdesign.report.contents import Number, Picture, Report, Section
+from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.units import WORKSHOP, Units
@@ -52,17 +52,17 @@ def map_report(
         ),
         headline=numbers,
         sections=(
-            Section(title="In three numbers", sheets=(head, bands)),
-            Section(title="The machine in its worst pose", shows="drawing"),
-            Section(
+            ReportSection(title="In three numbers", sheets=(head, bands)),
+            ReportSection(title="The machine in its worst pose", shows="drawing"),
+            ReportSection(
                 title="Map of frequencies",
                 shows="maps",
                 pictures=of_map[:2],
                 sheets=(spread, *others),
             ),
-            Section(title="Lift chart and moment arms", pictures=rest, sheets=(lift,)),
-            Section(title="Assumptions", words=assumptions(machine, frequencies.workspace)),
-            Section(title="Provenance", sheets=(provenance,)),
+            ReportSection(title="Lift chart and moment arms", pictures=rest, sheets=(lift,)),
+            ReportSection(title="Assumptions", words=assumptions(machine, frequencies.workspace)),
+            ReportSection(title="Provenance", sheets=(provenance,)),
         ),
         scene=scene_of({machine.name: frequencies}),
     )
@@ -76,7 +76,7 @@ def plain_report(
         title=title,
         lead=lead,
         sections=tuple(
-            Section(
+            ReportSection(
                 title=name,
                 words=tuple(item for item in items if isinstance(item, str)),
                 sheets=tuple(item for item in items if isinstance(item, Sheet)),
@@ -95,7 +95,7 @@ def headline(
     bands: Bands,
     known: Sequence[FrequencyBand] = (),
     units: Units = WORKSHOP,
-) -> tuple[Number, ...]:
+) -> tuple[HeadlineNumber, ...]:
     """Worst frequencies at the ends of bands and with the file's values: rigid, nominal, softest.
 
     Args:
@@ -139,16 +139,18 @@ def _ends(
 
 def _number(
     name: str, found: Sequence[WorstPose | None], machine: Machine, units: Units
-) -> Number:
+) -> HeadlineNumber:
     worst = found[-1]
     if worst is None or any(one is None for one in found):
-        return Number(name=name, value="unstable", words="gravity overcomes the trapped oil")
+        return HeadlineNumber(
+            name=name, value="unstable", words="gravity overcomes the trapped oil"
+        )
     values = [f"{one.frequency:.3f}" for one in found if one]
     gain = ""
     if len(found) == 2 and found[0] and found[0].frequency > 0:
         gain = f"{100 * (worst.frequency / found[0].frequency - 1):+.1f} %: "
     where = f"{worst_pose_text(machine, worst, units)}; limited by {worst.cylinder}"
-    return Number(name=name, value=f"{' → '.join(values)}\u00a0Hz", words=gain + where)
+    return HeadlineNumber(name=name, value=f"{' → '.join(values)}\u00a0Hz", words=gain + where)
 
 
 # -------------------------------------------------------------------------------- assumptions

@@ -103,7 +103,7 @@ class DrawnMachine:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class MapScene:
     """Machines of one arm with their maps on the same cells."""
 
     planes: tuple[CellPlane, ...]
@@ -112,7 +112,7 @@ class Scene:
     machines: tuple[DrawnMachine, ...]
 
 
-def scene_of(maps: Mapping[str, FrequencyMap]) -> Scene:
+def scene_of(maps: Mapping[str, FrequencyMap]) -> MapScene:
     """The scene of maps on one workspace, by the labels of their machines, today's first."""
     first = next(iter(maps.values()))
     joints = first.machine.arm.joints
@@ -124,7 +124,7 @@ def scene_of(maps: Mapping[str, FrequencyMap]) -> Scene:
     axes = {j: _axis(joints[j], grids[j]) for j in moving}
     cases = tuple(payload.name for payload in first.machine.payloads)
     planes = [CellPlane(x=axes[p[0]], y=axes[p[1]] if len(p) > 1 else None) for p in pairs]
-    return Scene(
+    return MapScene(
         planes=tuple(planes),
         joints=tuple((joint.name, "°" if joint.revolute else "m") for joint in joints),
         cases=cases,
@@ -152,14 +152,14 @@ def _axis(joint: Joint, middles: Array) -> CellAxis:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Cells:
+class _WorstPoses:
     """Cells of a map: plane, load case, cell and row of the worst pose (n, 4), and frequencies."""
 
     table: Array
     frequencies: Array
 
 
-def _cells(frequencies: FrequencyMap, planes: list[dict[int, Array]]) -> _Cells:
+def _cells(frequencies: FrequencyMap, planes: list[dict[int, Array]]) -> _WorstPoses:
     frame, names = frequencies.frame, frequencies.machine.joints
     lowest, payload = frame["f1_hz"].to_numpy(), frame["payload"].to_numpy()
     rows_of = {0: np.arange(len(frame))}
@@ -176,7 +176,7 @@ def _cells(frequencies: FrequencyMap, planes: list[dict[int, Array]]) -> _Cells:
             head = np.tile([plane, case], (len(worst), 1))
             tables.append(np.column_stack([head, cell[worst], worst]))
             values.append(np.column_stack([lowest[worst], spread]))
-    return _Cells(table=np.concatenate(tables), frequencies=np.concatenate(values))
+    return _WorstPoses(table=np.concatenate(tables), frequencies=np.concatenate(values))
 
 
 def _worst_of_each(cell: Array, rows: Array, lowest: Array, weights: Array) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from armdesign.report.sheet import Sheet
 
 if TYPE_CHECKING:
-    from armdesign.simulation.sweeps import Sweep
+    from armdesign.simulation.sweeps import SweptMode
     from armdesign.simulation.validation import Validation
 
 COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ")
@@ -33,28 +33,30 @@ def validation_sheet(validations: Mapping[str, Validation]) -> Sheet:
     )
 
 
-def _row(label: str, sweep: Sweep, friction: bool) -> tuple[str, ...]:
+def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
     """One sweep; ``friction``: with the column of what dry friction makes of it."""
-    from armdesign.simulation.sweeps import Run
+    from armdesign.simulation.sweeps import FittedMode
 
     valve = "–" if math.isnan(sweep.amplitude) else f"{100 * sweep.amplitude:.2g} %"
     linear = f"{sweep.linear_frequency:.4f}"
     cells = [f"{label}, {sweep.payload}", sweep.cylinder, valve, linear]
-    if not isinstance(sweep, Run):
+    if not isinstance(sweep, FittedMode):
         return (*cells, *["–"] * (len(COLUMNS) + friction - len(cells)), "failed")
     cells += [f"{sweep.identified_frequency:.4f}", f"{100 * sweep.deviation:+.2f} %"]
     cells += [f"{sweep.linear_damping:.4f}", f"{sweep.identified_damping:.4f}"]
     if friction:
         dry = sweep.with_friction
-        cells.append(f"{dry.identified_frequency:.4f}" if isinstance(dry, Run) else "failed")
+        cells.append(
+            f"{dry.identified_frequency:.4f}" if isinstance(dry, FittedMode) else "failed"
+        )
     return (*cells, sweep.remark)
 
 
-def _failures(label: str, sweep: Sweep) -> list[str]:
+def _failures(label: str, sweep: SweptMode) -> list[str]:
     """Reason why a sweep, or its repetition with dry friction, failed; else empty."""
-    from armdesign.simulation.sweeps import Failure, Run
+    from armdesign.simulation.sweeps import Failure, FittedMode
 
-    both = (sweep, sweep.with_friction if isinstance(sweep, Run) else None)
+    both = (sweep, sweep.with_friction if isinstance(sweep, FittedMode) else None)
     place = f"{label}, {sweep.payload}, {sweep.cylinder}"
     return [f"{place}: {one.error}" for one in both if isinstance(one, Failure)]
 
@@ -87,14 +89,14 @@ def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:
 
 def verdict(validations: Sequence[Validation]) -> str:
     """Number of sweeps that agree, remarks of the others, and the largest deviation."""
-    from armdesign.simulation.sweeps import Run
+    from armdesign.simulation.sweeps import FittedMode
 
     runs = [run for validation in validations for run in validation.runs]
     remarks = Counter(run.remark for run in runs)
     agree = remarks.pop("agrees", 0)
     remarks["failed"] = sum(len(validation.failures) for validation in validations)
     others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
-    dry = [run.with_friction for run in runs if isinstance(run.with_friction, Run)]
+    dry = [run.with_friction for run in runs if isinstance(run.with_friction, FittedMode)]
     largest = [
         f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, dry) if some
     ]

@@ -11,13 +11,13 @@ import numpy as np
 from armdesign.errors import SimulationError
 from armdesign.journal.finished import Form
 from armdesign.simulation.identification.modal_fit import ModalFit
-from armdesign.simulation.sweeps import Failure, Run
+from armdesign.simulation.sweeps import Failure, FittedMode
 
 ERROR = ("part", "fault", "remedy", "line", "key")
 COMPLEX = "real and imaginary parts"
 
 
-def form() -> Form[list[Run | Failure]]:
+def form() -> Form[list[FittedMode | Failure]]:
     """Form in which the sweeps at a pose are kept, every bit of them."""
     return Form(
         write=lambda _, sweeps: {"sweeps": [_kept(one) for one in sweeps]},
@@ -33,19 +33,19 @@ def _kept(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, SimulationError):
         return {name: getattr(value, name) for name in ERROR}
-    if isinstance(value, Run | Failure | ModalFit):
+    if isinstance(value, FittedMode | Failure | ModalFit):
         return {one.name: _kept(getattr(value, one.name)) for one in fields(value)}
     return value
 
 
-def _sweep(kept: Mapping[str, Any]) -> Run | Failure:
+def _sweep(kept: Mapping[str, Any]) -> FittedMode | Failure:
     """A sweep that was kept."""
     values = _values(kept)
     if "error" in kept:
         return Failure(**{**values, "error": SimulationError(**kept["error"])})
     rough = kept["with_friction"]
     values["with_friction"] = None if rough is None else _sweep(rough)
-    return Run(**{**values, "fit": ModalFit(**_values(kept["fit"]))})
+    return FittedMode(**{**values, "fit": ModalFit(**_values(kept["fit"]))})
 
 
 def _values(kept: Mapping[str, Any]) -> dict[str, Any]:

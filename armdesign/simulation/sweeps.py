@@ -20,7 +20,7 @@ SIGMAS = 3.0  # standard deviations of a fit within which it leaves a frequency 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep(ReadOnly):
+class SweptMode(ReadOnly):
     """Machine, pose and mode of one sweep; arrays are read-only.
 
     Attributes:
@@ -49,7 +49,7 @@ class Sweep(ReadOnly):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Run(Sweep):
+class FittedMode(SweptMode):
     """One sweep and its result; arrays are read-only.
 
     Attributes:
@@ -80,7 +80,7 @@ class Run(Sweep):
     span: Array
     energy_error: float
     remark: str = ""
-    with_friction: Run | Failure | None = None
+    with_friction: FittedMode | Failure | None = None
 
     @property
     def identified_frequency(self) -> float:
@@ -104,7 +104,7 @@ class Run(Sweep):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Failure(Sweep):
+class Failure(SweptMode):
     """A sweep without a result, and why.
 
     A load cannot be held, the run gave up, or nothing oscillates. Frequency at rest, damping and
@@ -114,7 +114,9 @@ class Failure(Sweep):
     error: SimulationError
 
 
-def with_remarks(group: Sequence[Run | Failure], creeps: bool = False) -> list[Run | Failure]:
+def with_remarks(
+    group: Sequence[FittedMode | Failure], creeps: bool = False
+) -> list[FittedMode | Failure]:
     """Full and half amplitude with remarks on their deviations.
 
     Args:
@@ -123,16 +125,18 @@ def with_remarks(group: Sequence[Run | Failure], creeps: bool = False) -> list[R
         creeps: oil leaks that no spool position makes up for.
     """
     smooth, rough = group[:2], group[2:] or (None, None)
-    balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, Run))
-    remark = _remark([one for one in smooth if isinstance(one, Run)], creeps)
+    balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, FittedMode))
+    remark = _remark([one for one in smooth if isinstance(one, FittedMode)], creeps)
     words: dict[str, Any] = {"remark": remark if balanced else "energy"}
     return [
-        dataclasses.replace(one, **words, with_friction=other) if isinstance(one, Run) else one
+        dataclasses.replace(one, **words, with_friction=other)
+        if isinstance(one, FittedMode)
+        else one
         for one, other in zip(smooth, rough, strict=True)
     ]
 
 
-def _remark(runs: Sequence[Run], creeps: bool) -> str:
+def _remark(runs: Sequence[FittedMode], creeps: bool) -> str:
     """Remark on runs at full and at half amplitude."""
     linear = _trend([run.deviation for run in runs])
     at_rest = _trend([run.identified_frequency / run.frequency_at_rest - 1 for run in runs])

@@ -46,7 +46,7 @@ from armdesign.simulation.kept_sweeps import form
 from armdesign.simulation.linearization import without_dry_friction
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import SimulationCase, attempt_all
-from armdesign.simulation.sweeps import Failure, Run, Sweep, with_remarks
+from armdesign.simulation.sweeps import Failure, FittedMode, SweptMode, with_remarks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,12 +66,12 @@ class Validation:
     __repr__ = short_repr
 
     joints: tuple[str, ...]
-    sweeps: tuple[Run | Failure, ...]
+    sweeps: tuple[FittedMode | Failure, ...]
 
     @property
-    def runs(self) -> tuple[Run, ...]:
+    def runs(self) -> tuple[FittedMode, ...]:
         """Sweeps with a result."""
-        return tuple(one for one in self.sweeps if isinstance(one, Run))
+        return tuple(one for one in self.sweeps if isinstance(one, FittedMode))
 
     @property
     def failures(self) -> tuple[Failure, ...]:
@@ -85,10 +85,12 @@ class Validation:
 
         return pd.DataFrame([self._row(one) for one in self.sweeps])
 
-    def _row(self, sweep: Run | Failure) -> dict[str, object]:
+    def _row(self, sweep: FittedMode | Failure) -> dict[str, object]:
         """All columns in their order; of a failure only what a sweep is known by."""
-        run, rough = (sweep, sweep.with_friction) if isinstance(sweep, Run) else (None, None)
-        dry = rough if isinstance(rough, Run) else None
+        run, rough = (
+            (sweep, sweep.with_friction) if isinstance(sweep, FittedMode) else (None, None)
+        )
+        dry = rough if isinstance(rough, FittedMode) else None
         remark = f"failed: {sweep.error}" if isinstance(sweep, Failure) else sweep.remark
         if isinstance(rough, Failure):
             remark += f"; with dry friction failed: {rough.error}"
@@ -111,7 +113,7 @@ class Validation:
         }
         return row | (self._details(run) if run else {})
 
-    def _details(self, run: Run) -> dict[str, object]:
+    def _details(self, run: FittedMode) -> dict[str, object]:
         """The columns that only a result has."""
         means, spans = (zip(self.joints, x.tolist(), strict=True) for x in (run.mean, run.span))
         return {
@@ -135,7 +137,7 @@ class Validation:
         least = min(one.mode for one in self.sweeps)
         return self._of(one for one in self.sweeps if one.mode == least)
 
-    def _of(self, sweeps: Iterable[Run | Failure]) -> Validation:
+    def _of(self, sweeps: Iterable[FittedMode | Failure]) -> Validation:
         return Validation(self.joints, tuple(sweeps))
 
     def plot(self) -> Any:
@@ -271,7 +273,7 @@ def _cylinders_and_modes(
 class PlannedSweep:
     """A sweep to be run, and the experiment that it is part of."""
 
-    sweep: Sweep
+    sweep: SweptMode
     experiment: Experiment
 
     @property
@@ -279,7 +281,7 @@ class PlannedSweep:
         """Its run."""
         return self.experiment.case(self.experiment.swept_sine(self.sweep.amplitude))
 
-    def result(self, motion: Simulation | SimulationError) -> Run | Failure:
+    def result(self, motion: Simulation | SimulationError) -> FittedMode | Failure:
         """Identified modes of the motion."""
         sweep = vars(self.sweep)
         if isinstance(motion, SimulationError):
@@ -290,7 +292,7 @@ class PlannedSweep:
             return Failure(**sweep, error=error)
         mode = int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target)))
         frequency = float(fit.natural_frequencies[mode])
-        return Run(
+        return FittedMode(
             **sweep,
             fit=fit,
             fitted_mode=mode,
@@ -315,7 +317,7 @@ def _plan(place: NamedPose, wanted: Wanted) -> list[list[PlannedSweep] | Failure
     name, machine, pose = place
     poses = machine.at(pose)
     for index, mode in _cylinders_and_modes(machine, poses, wanted.cylinders):
-        sweep = Sweep(
+        sweep = SweptMode(
             pose=name,
             payload=machine.payload.name,
             q=poses.q[0].copy(),
@@ -334,7 +336,9 @@ def _plan(place: NamedPose, wanted: Wanted) -> list[list[PlannedSweep] | Failure
     return groups
 
 
-def _group(sweep: Sweep, experiment: Experiment, amplitude: float | None) -> list[PlannedSweep]:
+def _group(
+    sweep: SweptMode, experiment: Experiment, amplitude: float | None
+) -> list[PlannedSweep]:
     """Full and half amplitude without dry friction, and with it where the machine has any."""
     machine, linear = experiment.machine, experiment.linear
     full = amplitude or experiment.default_amplitude()
@@ -360,7 +364,7 @@ def _validations(machines: Sequence[list[NamedPose]], wanted: Wanted) -> list[Va
         name, machine, pose = places[k]
         return [machine.identity, name, pose.tolist(), wanted.cylinders, wanted.amplitude]
 
-    def swept(missing: list[int]) -> Iterator[tuple[int, list[Run | Failure]]]:
+    def swept(missing: list[int]) -> Iterator[tuple[int, list[FittedMode | Failure]]]:
         for k in counted(missing, "pose"):
             yield k, _sweeps(_plan(places[k], wanted))
 
@@ -371,11 +375,11 @@ def _validations(machines: Sequence[list[NamedPose]], wanted: Wanted) -> list[Va
     ]
 
 
-def _sweeps(groups: Sequence[list[PlannedSweep] | Failure]) -> list[Run | Failure]:
+def _sweeps(groups: Sequence[list[PlannedSweep] | Failure]) -> list[FittedMode | Failure]:
     """All planned sweeps as one stacked run."""
     cases = [planned.case for group in groups if isinstance(group, list) for planned in group]
     motions = iter(attempt_all(cases, tolerance=TOLERANCE))
-    sweeps: list[Run | Failure] = []
+    sweeps: list[FittedMode | Failure] = []
     for group in groups:
         if isinstance(group, Failure):
             sweeps.append(group)

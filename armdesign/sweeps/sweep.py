@@ -151,7 +151,9 @@ def sweep(
     cases = list(_cases(study, _with_requirements(chosen, requirements), payloads))
     if workers < 1:
         raise ArmDesignError("workers", f"{workers} is not allowed", "give a whole number ≥ 1")
-    run = _Run(study=study, workers=workers, scheduler=scheduler, say=say or (lambda _: None))
+    run = _CaseRunner(
+        study=study, workers=workers, scheduler=scheduler, say=say or (lambda _: None)
+    )
     place = None if journal is None else Path(journal)
     with (
         nullcontext()
@@ -162,7 +164,7 @@ def sweep(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Run:
+class _CaseRunner:
     """Means by which cases get their answers."""
 
     study: Study

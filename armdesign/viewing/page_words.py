@@ -9,7 +9,7 @@ from armdesign.errors import printable
 from armdesign.viewing.reading import FAULT, NO_BANDWIDTH, Reading, rows
 
 if TYPE_CHECKING:
-    from armdesign.viewing.region import Region
+    from armdesign.viewing.region import ReachRegion
 
 STYLE = """
 #armdesign { padding: 0.3em 0.8em; font-size: 0.85em; line-height: 1.35 }
@@ -21,7 +21,7 @@ STYLE = """
 SWATCH = "width:1.4em;height:0.8em;display:inline-block;background:"
 
 
-def reading_words(readings: dict[str, Reading], swing: str, region: Region) -> str:
+def reading_words(readings: dict[str, Reading], swing: str, region: ReachRegion) -> str:
     """Readings of machines side by side, faults, the animation, and the scale of colours."""
     columns = {name: dict(rows(one)) for name, one in readings.items()}
     notes: dict[str, list[str]] = {}  # sentences, and whose they are
@@ -48,7 +48,7 @@ def reading_words(readings: dict[str, Reading], swing: str, region: Region) -> s
     )
 
 
-def scale_words(region: Region) -> str:
+def scale_words(region: ReachRegion) -> str:
     """The scale of colours of the swept region."""
     swatches = "".join(f'<i style="{SWATCH}{colour}"></i>' for colour, _ in region.scale)
     ends = f"{region.least:.3g} Hz {swatches} {region.most:.3g} Hz and more"

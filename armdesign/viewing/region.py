@@ -17,7 +17,7 @@ CELLS = 60  # along the longer side
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Region:
+class ReachRegion:
     """Cells that the tool reaches, each with its lowest frequency.
 
     Attributes:
@@ -48,7 +48,7 @@ class Region:
         return list(zip(names, values.tolist(), strict=True))
 
 
-def region_of(frequencies: FrequencyMap, cells: int = CELLS) -> Region:
+def region_of(frequencies: FrequencyMap, cells: int = CELLS) -> ReachRegion:
     """The region of a frequency map; colours from its least to its 95th percentile."""
     places = frequencies.reach_map(cells)
     rows, columns = np.nonzero(np.isfinite(places.frequency))
@@ -58,7 +58,7 @@ def region_of(frequencies: FrequencyMap, cells: int = CELLS) -> Region:
         for axis in (places.reach, places.height)
     )
     least, most = float(values.min()), float(np.percentile(values, 95))
-    return Region(
+    return ReachRegion(
         middles=np.column_stack([places.reach[rows], places.height[columns]]),
         sides=(sides[0], sides[1]),
         frequencies=values,

@@ -27,7 +27,7 @@ from armdesign.viewing.scene import Scene, Solid, scene_of
 if TYPE_CHECKING:
     from armdesign.machine.load_case import LoadCase
     from armdesign.machine.machine import Machine
-    from armdesign.viewing.region import Region
+    from armdesign.viewing.region import ReachRegion
     from armdesign.viewing.view import View
 
 LOOPBACK = "127.0.0.1"
@@ -147,9 +147,11 @@ class Stage:
     def __init__(self, view: View, port: int | None = None, plates: bool = False) -> None:
         self.server = server = serve(port, view.machine.section.title or view.machine.name)
         self.scene = scene_of(view.machine, plates)
-        self.shown = {"today": Shown(server, self.scene, "/today")}
+        self.shown = {"today": ShownMachine(server, self.scene, "/today")}
         if view.new is not None:
-            self.shown["new"] = Shown(server, scene_of(view.new, plates), "/new", self.scene)
+            self.shown["new"] = ShownMachine(
+                server, scene_of(view.new, plates), "/new", self.scene
+            )
             self.arrows = self._arrows(view.machine, view.new)
         add_ground(server, self.scene)
         self.swept = add_region(server, view.region)
@@ -200,7 +202,7 @@ class Stage:
         self.server.stop()
 
 
-class Shown:
+class ShownMachine:
     """A machine on the stage.
 
     Args:
@@ -345,7 +347,7 @@ def look(server: Any, low: Array, high: Array) -> None:
     server.initial_camera.fov = FIELD
 
 
-def extent(scene: Scene, region: Region) -> tuple[Array, Array]:
+def extent(scene: Scene, region: ReachRegion) -> tuple[Array, Array]:
     """Lower and upper corner (3,) [m] of a machine in the middle of its ranges, and its reach."""
     placements = scene.placements(middle_pose(scene.machine))
     corners = [
@@ -358,7 +360,7 @@ def extent(scene: Scene, region: Region) -> tuple[Array, Array]:
     return np.nanmin(points, axis=0), np.nanmax(points, axis=0)
 
 
-def add_region(server: Any, region: Region) -> Any:
+def add_region(server: Any, region: ReachRegion) -> Any:
     """The swept region behind the machine's middle plane, in a frame that slews with the arm."""
     frame = server.scene.add_frame("/swept", show_axes=False)
     width, height = region.sides

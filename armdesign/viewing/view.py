@@ -12,7 +12,7 @@ from armdesign.control.stated_damping import checked_damping
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.maps import frequency_map
-from armdesign.viewing.region import Region, region_of
+from armdesign.viewing.region import ReachRegion, region_of
 
 if TYPE_CHECKING:
     from armdesign.frequency.workspace import Workspace
@@ -36,7 +36,7 @@ class View:
     machine: Machine
     new: Machine | None
     q: Array
-    region: Region
+    region: ReachRegion
     worst: WorstPose
     damping: float | None = None
 

@@ -16,7 +16,7 @@ from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import FINE, Loops
 from armdesign.control.tuning import (
     Aim,
-    Candidate,
+    Gains,
     Task,
     best_of,
     critical_factor,
@@ -135,7 +135,7 @@ def test_critical_factor_is_where_poles_cross() -> None:
 def test_a_margin_that_no_gain_reaches_leaves_no_gains() -> None:
     plant = one_mass(5.0, 0.02)
     task = Task(plant, Loops.of(plant), Aim(margin=1.999))
-    assert best_of(task, [Candidate(1.0, 0.0)]).controller.position[0, 0] <= 1e-3
+    assert best_of(task, [Gains(1.0, 0.0)]).controller.position[0, 0] <= 1e-3
 
 
 def test_delay_costs_bandwidth() -> None:

@@ -17,7 +17,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.frequency.maps import FrequencyMap
-from armdesign.report.contents import Picture, Report, Section
+from armdesign.report.contents import Picture, Report, ReportSection
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.map_reports import map_report
 from armdesign.report.maps import map_sheets
@@ -62,9 +62,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     both["today"].plot().figure.savefig(folder / picture.file)
     sections = (
         one.sections[0],
-        Section(title="The machine", shows="drawing"),
-        Section(title="Maps", shows="maps", pictures=(picture,)),
-        Section(title="Tables", sheets=(LONG, lift_sheet(lift_charts(machines)))),
+        ReportSection(title="The machine", shows="drawing"),
+        ReportSection(title="Maps", shows="maps", pictures=(picture,)),
+        ReportSection(title="Tables", sheets=(LONG, lift_sheet(lift_charts(machines)))),
         one.sections[-1],
     )
     report = Report(

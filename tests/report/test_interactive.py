@@ -9,10 +9,10 @@ import pytest
 
 import armdesign as ad
 from armdesign.report.interactive import COLUMNS, document, interactive
-from armdesign.report.scene import Scene, scene_of
+from armdesign.report.scene import MapScene, scene_of
 
 
-def scene(name: str, points: int) -> Scene:
+def scene(name: str, points: int) -> MapScene:
     machine = ad.load(name)
     frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points))
     return scene_of({"today </script>": frequencies, "new": frequencies})

@@ -17,7 +17,7 @@ import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.drawing.side_view import side_view
 from armdesign.drawing.swing import swung
-from armdesign.report.contents import Number, Picture, Report, Section
+from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
 from armdesign.report.map_reports import map_report
 from armdesign.report.maps import map_sheets
 from armdesign.report.page import page, sortable
@@ -134,11 +134,11 @@ def test_nothing_of_a_report_becomes_markup(tmp_path: Path) -> None:
     evil = '</script><img src=x onerror="alert(1)">&{{ 7 * 7 }}'
     sheet = Sheet(title=evil, columns=(evil,), rows=((evil,),), note=evil)
     picture = Picture(caption=evil, file=evil)
-    section = Section(title=evil, words=(evil,), sheets=(sheet,), pictures=(picture,))
+    section = ReportSection(title=evil, words=(evil,), sheets=(sheet,), pictures=(picture,))
     report = Report(
         title=evil,
         lead=evil,
-        headline=(Number(name=evil, value=evil, words=evil),),
+        headline=(HeadlineNumber(name=evil, value=evil, words=evil),),
         sections=(section,),
     )
     text = page(Report.of_text(report.text()), tmp_path)
@@ -146,8 +146,8 @@ def test_nothing_of_a_report_becomes_markup(tmp_path: Path) -> None:
     assert "49" not in text.partition("<body>")[2].partition("<script>")[0]
     machine = two_joints().machine.replace({"title": evil})
     scene = scene_of({evil: ad.frequency_map(machine, ad.Workspace.grid(machine, 2))})
-    drawing = Section(title="", shows="drawing")
-    maps = Section(title="", shows="maps")
+    drawing = ReportSection(title="", shows="drawing")
+    maps = ReportSection(title="", shows="maps")
     text = page(Report(title="", lead="", sections=(drawing, maps), scene=scene), tmp_path)
     assert "</script><img" not in text
     assert "<img src=x" not in text
@@ -159,7 +159,7 @@ def test_a_picture_that_lacks_is_told_and_others_are_of_the_folder_alone(tmp_pat
     folder = tmp_path / "folder"
     folder.mkdir()
     pictures = tuple(Picture(caption="C", file=f) for f in ("a.png", "../outside.png"))
-    report = Report(title="", lead="", sections=(Section(title="", pictures=pictures),))
+    report = Report(title="", lead="", sections=(ReportSection(title="", pictures=pictures),))
     assert page(report, folder).count("the folder has no picture") == 2
 
 

@@ -17,7 +17,7 @@ from armdesign.errors import ArmDesignError, MachineFileError, printable, raise_
 from armdesign.machine import template
 from armdesign.machine.poses import pose_text
 from armdesign.output import show, tell
-from armdesign.report.contents import Number, Report, Section
+from armdesign.report.contents import HeadlineNumber, Report, ReportSection
 from armdesign.report.page import page
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, deg
@@ -79,8 +79,8 @@ def test_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_page() -> None:
     sheet = Sheet(title=EVIL, columns=(EVIL,), rows=((EVIL,),), note=EVIL)
-    section = Section(title=EVIL, words=(EVIL,), sheets=(sheet,))
-    headline = (Number(name=EVIL, value=EVIL, words=EVIL),)
+    section = ReportSection(title=EVIL, words=(EVIL,), sheets=(sheet,))
+    headline = (HeadlineNumber(name=EVIL, value=EVIL, words=EVIL),)
     report = Report(title=EVIL, lead=EVIL, headline=headline, sections=(section,))
     text = page(Report.of_text(report.text()), Path())
     assert not controls(text)

@@ -17,7 +17,7 @@ from armdesign.journal.finished import keeping
 from armdesign.simulation import validation
 from armdesign.simulation.identification.modal_fit import ModalFit
 from armdesign.simulation.kept_sweeps import form
-from armdesign.simulation.sweeps import Failure, Run, Sweep
+from armdesign.simulation.sweeps import Failure, FittedMode, SweptMode
 
 POSES = [[0.0], [-0.4]]  # a run, and one that the pump cannot hold
 
@@ -65,7 +65,7 @@ def test_interrupted_it_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         assert_equal(one, other)
 
 
-def drawn(rng: np.random.Generator, with_friction: Run | Failure | None) -> Run:
+def drawn(rng: np.random.Generator, with_friction: FittedMode | Failure | None) -> FittedMode:
     """A run of numbers that nothing has rounded, with those that JSON has no words for."""
     numbers = rng.normal(size=(6, 3))
     numbers[0, 0], numbers[1, 0], numbers[2, 0] = np.nan, -0.0, np.inf
@@ -76,14 +76,14 @@ def drawn(rng: np.random.Generator, with_friction: Run | Failure | None) -> Run:
     linear = {"linear_frequency": 1 / 3, "frequency_at_rest": np.nan, "linear_damping": 5e-324}
     rest = {"amplitude": 0.1, "peak": 2.0, "energy_error": 1e-5, "remark": "agrees"}
     arrays = {"q": numbers[5], "mean": numbers[4], "span": numbers[3], "on_resonance": numbers[:2]}
-    return Run(**named, **linear, **rest, **arrays, fit=fit, with_friction=with_friction)
+    return FittedMode(**named, **linear, **rest, **arrays, fit=fit, with_friction=with_friction)
 
 
 def test_what_is_kept_is_all() -> None:
     """By way of the journal's JSON."""
     rng = np.random.default_rng(1)
     plain = drawn(rng, None)
-    sweep = {one.name: getattr(plain, one.name) for one in dataclasses.fields(Sweep)}
+    sweep = {one.name: getattr(plain, one.name) for one in dataclasses.fields(SweptMode)}
     failure = Failure(**sweep, error=SimulationError("arm: run", "gave up", "shorten it", 7, "a"))
     sweeps = [plain, failure, drawn(rng, plain), drawn(rng, failure)]
     kept = json.loads(json.dumps(form().write(0, sweeps)))

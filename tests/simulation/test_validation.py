@@ -18,7 +18,7 @@ from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation import simulate as motion
 from armdesign.simulation.identification.sweep_bias import sweep_bias
 from armdesign.simulation.linearization import linearize, without_dry_friction
-from armdesign.simulation.sweeps import AGREES, Run, with_remarks
+from armdesign.simulation.sweeps import AGREES, FittedMode, with_remarks
 from armdesign.simulation.validation import Validation, validate, validate_maps
 from armdesign.units import bar, l_per_min
 from tests import machines
@@ -210,7 +210,7 @@ def test_verdicts(worst: Validation) -> None:
         group = [
             replace(run, linear_frequency=f, frequency_at_rest=f / (1 + beside)) for f in linear
         ]
-        return [one.remark for one in with_remarks(group, creeps) if isinstance(one, Run)]
+        return [one.remark for one in with_remarks(group, creeps) if isinstance(one, FittedMode)]
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
     assert judged(0.02, 0.006) == ["amplitude"] * 2
@@ -225,7 +225,9 @@ def test_verdicts(worst: Validation) -> None:
     assert judged(0.02, 0.006, creeps=True) == judged(0.02, 0.02, creeps=True) == ["creep"] * 2
     assert judged(0.004, 0.002, creeps=True) == ["agrees"] * 2
     broken = [replace(run, energy_error=0.01) for run in worst.runs[:2]]
-    assert [one.remark for one in with_remarks(broken) if isinstance(one, Run)] == ["energy"] * 2
+    assert [one.remark for one in with_remarks(broken) if isinstance(one, FittedMode)] == [
+        "energy"
+    ] * 2
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from armdesign.errors import SimulationError
 from armdesign.hydraulics.friction import Friction
 from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation.experiment import Experiment
-from armdesign.simulation.sweeps import Failure, Run
+from armdesign.simulation.sweeps import Failure, FittedMode
 from armdesign.simulation.validation import validate
 from tests import machines
 from tests.simulation import valves as helpers
@@ -138,7 +138,7 @@ def test_a_sweep_that_hardly_breaks_loose() -> None:
     validation = validate(machine, [0.0], amplitude=0.004)
     for run in validation.runs:
         assert run.remark == "agrees"
-        assert isinstance(run.with_friction, Run)
+        assert isinstance(run.with_friction, FittedMode)
         assert abs(run.with_friction.deviation) > 0.05 > 10 * abs(run.deviation)
     sheet = validation_sheet(validation.by_pose)
     assert sheet.columns[-2:] == ("dry", "remark")

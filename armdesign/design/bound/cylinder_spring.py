@@ -26,7 +26,7 @@ Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulu
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Spring:
+class CylinderSpring:
     """Upper bounds on oil and structure over cells.
 
     Attributes:

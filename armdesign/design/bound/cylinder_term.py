@@ -28,7 +28,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints
 from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Natural, Shape
-from armdesign.design.bound.cylinder_spring import Air, Spring, Stiffening, Structure
+from armdesign.design.bound.cylinder_spring import Air, CylinderSpring, Stiffening, Structure
 from armdesign.design.bound.intervals import Interval
 
 TINY = 1e-12  # [m³] of oil
@@ -117,7 +117,7 @@ class CylinderTerm:
         return np.stack([self.price[0] - barrel - rod, self.price[1] + rod], axis=1)
 
     def enclosed(
-        self, e: Enclosure, volume: Array, costs: Array, spring: Spring
+        self, e: Enclosure, volume: Array, costs: Array, spring: CylinderSpring
     ) -> tuple[Array, Array, Flags]:
         """Upper bounds (m, v) at swept volumes (m, v, 2) of some price (m, 2).
 
@@ -130,16 +130,16 @@ class CylinderTerm:
         )
         return np.minimum(self._natural(e, volume, costs, spring), mean_value), spread, known
 
-    def spring(self, e: Enclosure, scale: Interval, volume: Array, costs: Array) -> Spring:
+    def spring(self, e: Enclosure, scale: Interval, volume: Array, costs: Array) -> CylinderSpring:
         """Oil and structure over cells of some scales (m,) and volumes (m, v, 2) of costs (m, 2).
 
         The tangent is taken at the volumes that are best at the centre.
         """
         stiffening = self._stiffening(e, volume)
         if self.structure is None:
-            return Spring(stiffening=stiffening)
+            return CylinderSpring(stiffening=stiffening)
         middle = (scale.low + scale.high) / 2
-        spring = Spring(
+        spring = CylinderSpring(
             stiffening=stiffening, shift=self.structure.shift(self._size(e), e.stroke * scale)
         )
         volume = np.concatenate([volume, volume.mean(axis=1, keepdims=True)], axis=1)
@@ -164,7 +164,7 @@ class CylinderTerm:
         return (e.rate * self.shape.sign).above(LEAST)
 
     def _by_volume(
-        self, e: Enclosure, scale: Interval, volume: Array, best: Array, spring: Spring
+        self, e: Enclosure, scale: Interval, volume: Array, best: Array, spring: CylinderSpring
     ) -> Array:
         """Rough share of each volume's ends (m, 2) through air's pressure and the tangent.
 
@@ -196,7 +196,7 @@ class CylinderTerm:
         spread: Array,
         volume: Array,
         known: Flags,
-        spring: Spring,
+        spring: CylinderSpring,
     ) -> Array:
         """Rough share of each axis of a cell in its bound (m, 3).
 
@@ -212,20 +212,22 @@ class CylinderTerm:
         added = np.column_stack([spread + by_stroke, by_scale])
         return np.where(known[:, None], added, np.column_stack([e.reach, np.zeros(len(value))]))
 
-    def _natural(self, e: Enclosure, volume: Array, costs: Array, spring: Spring) -> Array:
+    def _natural(self, e: Enclosure, volume: Array, costs: Array, spring: CylinderSpring) -> Array:
         """Upper bound (m, v) at swept volumes (m, v, 2), everything at its end."""
         empty, full = np.maximum(e.place.low, 0.0), np.minimum(e.place.high, 1.0)
         oil = self._oil(empty, full, volume, spring)
         value = self._sum(oil, e.rate.square().high, e.bend, volume, costs, spring)
         return value + self._rest(e.arm.square().high, spring)[:, None]
 
-    def _value(self, centre: Natural, volume: Array, costs: Array, spring: Spring) -> Array:
+    def _value(
+        self, centre: Natural, volume: Array, costs: Array, spring: CylinderSpring
+    ) -> Array:
         """The term (m, v) at the centres of cells."""
         oil = self._oil(centre.place.low, centre.place.low, volume, spring)
         value = self._sum(oil, centre.rate.low**2, centre.bend, volume, costs, spring)
         return value + self._rest(centre.arm.low**2, spring)[:, None]
 
-    def _oil(self, first: Array, last: Array, volume: Array, spring: Spring) -> Array:
+    def _oil(self, first: Array, last: Array, volume: Array, spring: CylinderSpring) -> Array:
         """Oil k S²/β (m, v, n) [m³], the piston at ``first`` (cap) and at ``last`` (annulus)."""
         (cap, annulus), dead = spring.stiffening, self._dead(spring.stiffening)
         filled = (
@@ -245,7 +247,7 @@ class CylinderTerm:
         bend: Interval,
         volume: Array,
         costs: Array,
-        spring: Spring,
+        spring: CylinderSpring,
     ) -> Array:
         """Σ w k r² − G τ − μ·v, of k the oil's share."""
         with np.errstate(invalid="ignore"):
@@ -256,7 +258,7 @@ class CylinderTerm:
             - np.einsum("mvs,ms->mv", volume, costs)
         )
 
-    def _rest(self, arm_squared: Array, spring: Spring) -> Array:
+    def _rest(self, arm_squared: Array, spring: CylinderSpring) -> Array:
         """Structure's share (m,) of Σ w k r²."""
         if spring.structure is None:
             return np.zeros(len(arm_squared))
@@ -267,7 +269,7 @@ class CylinderTerm:
         whole = [np.broadcast_to(s, (*np.shape(s)[:-1], len(self.weight))) for s in stiffening]
         return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
 
-    def slopes(self, e: Enclosure, volume: Array, spring: Spring) -> tuple[Array, Flags]:
+    def slopes(self, e: Enclosure, volume: Array, spring: CylinderSpring) -> tuple[Array, Flags]:
         """Largest absolute derivatives by b (m, v, 2) over the cells, at swept volumes (m, v, 2).
 
         And where they hold.

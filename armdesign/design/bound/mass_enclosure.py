@@ -37,7 +37,7 @@ POINTS = (0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PointEnclosure:
     """A point over a box: place (n, 3), derivatives by the joints (n, k, 3) and (n, k, k, 3)."""
 
     value: Interval
@@ -45,22 +45,22 @@ class Motion:
     second: Interval
 
     @classmethod
-    def of(cls, jet: VectorJet) -> Motion:
+    def of(cls, jet: VectorJet) -> PointEnclosure:
         """A point that is known."""
         return cls(interval(jet.value), interval(jet.first), interval(jet.second))
 
-    def __add__(self, other: Motion) -> Motion:
-        return Motion(
+    def __add__(self, other: PointEnclosure) -> PointEnclosure:
+        return PointEnclosure(
             self.value + other.value, self.first + other.first, self.second + other.second
         )
 
-    def __sub__(self, other: Motion) -> Motion:
-        return Motion(
+    def __sub__(self, other: PointEnclosure) -> PointEnclosure:
+        return PointEnclosure(
             self.value - other.value, self.first - other.first, self.second - other.second
         )
 
-    def __mul__(self, factor: Interval | float) -> Motion:
-        return Motion(self.value * factor, self.first * factor, self.second * factor)
+    def __mul__(self, factor: Interval | float) -> PointEnclosure:
+        return PointEnclosure(self.value * factor, self.first * factor, self.second * factor)
 
     @property
     def length(self) -> Interval:
@@ -68,7 +68,7 @@ class Motion:
         return self.value.square().sum(axis=-1).sqrt()
 
     @property
-    def unit(self) -> Motion:
+    def unit(self) -> PointEnclosure:
         """The vector's direction."""
         inverse = self.length.reciprocal()
         u = (self.value * inverse[:, None]).within(Interval(np.array(-1.0), np.array(1.0)))
@@ -81,7 +81,7 @@ class Motion:
             - first[:, :, None] * slope[:, None, :, None]
             - first[:, None] * slope[:, :, None, None]
         )
-        return Motion(
+        return PointEnclosure(
             u, first, (second - u[:, None, None] * bend[..., None]) * inverse[:, None, None, None]
         )
 
@@ -98,26 +98,27 @@ class PinMotions:
     steps: Mapping[str, Sequence[VectorJet]]
     legs: tuple[str, ...] = ()  # pins of the bars that move
 
-    def _over(self, name: str, pins: Mapping[str, Interval]) -> Motion:
-        point = Motion.of(self.pins[name])
+    def _over(self, name: str, pins: Mapping[str, Interval]) -> PointEnclosure:
+        point = PointEnclosure.of(self.pins[name])
         for k, step in enumerate(self.steps.get(name, ())):
             by = pins[name][k]
             if by.high > by.low:
-                point = point + Motion.of(step) * by
+                point = point + PointEnclosure.of(step) * by
         return point
 
-    def span(self, pins: Mapping[str, Interval]) -> Motion:
+    def span(self, pins: Mapping[str, Interval]) -> PointEnclosure:
         """The way from base pin to rod end over a box of pins."""
         return self._over("rod_end", pins) - self._over("base", pins)
 
-    def bars(self, cell: PinCell) -> list[tuple[Motion, Motion]]:
+    def bars(self, cell: PinCell) -> list[tuple[PointEnclosure, PointEnclosure]]:
         """Barrel, rod and moving legs over a cell: where each starts, and the way to its end."""
         base, rod_end = self._over("base", cell.pins), self._over("rod_end", cell.pins)
         if cell.way is None:
             way = (rod_end - base).unit * cell.closed
         else:
             first, *more = [
-                Motion.of(step) * cell.way[k] for k, step in enumerate(self.steps["rod_end"])
+                PointEnclosure.of(step) * cell.way[k]
+                for k, step in enumerate(self.steps["rod_end"])
             ]
             way = sum(more, first)
         starts = [self._over(pin, cell.pins) for pin in self.legs]
@@ -200,7 +201,7 @@ class BarEnclosure:
 
     def _most_added(
         self,
-        bars: list[tuple[Motion, Motion]],
+        bars: list[tuple[PointEnclosure, PointEnclosure]],
         lengths: Sequence[Interval],
         weights: Array,
         squared: float,

@@ -54,8 +54,6 @@ class RodEnd:
 class Drive(ABC):
     """Motion that an actuator gives the joints of the arm."""
 
-    number: ClassVar[int]  # of the kind, in compiled code
-
     @property
     @abstractmethod
     def joints(self) -> tuple[int, ...]:
@@ -88,8 +86,8 @@ class Linkage(Drive):
     2. Its table in ``machine/file/schema.py``, in ``CylinderSection`` under its ``key``: a pin for
        each of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
        ``machine/file/json_schema.py`` describes them to editors.
-    3. To simulate it, its rod end in ``simulation/plant/kinematics.py``, from ``record``.
-    4. To export it, its bodies in ``exchange/cylinder_bodies.py``.
+
+    It is then simulated by its ``rod_end_record``, and exported as a robot by its ``legs``.
     """
 
     key: ClassVar[str]  # in the cylinder's table of the machine file
@@ -168,6 +166,15 @@ class Linkage(Drive):
     def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> RodEnd:
         """The rod end seen from a link, with derivatives by some joints."""
 
+    @abstractmethod
+    def rod_end_record(self) -> dict[str, Any]:
+        """Record of the rod end for compiled code: a pin ``far``, or a knee.
+
+        A knee is where two bars meet, ``rocker`` from a pin ``pivot`` and ``coupler`` to a pin
+        ``far``, of these lengths [m], on a ``side`` (±1) of the line pivot → far. It lies in the
+        plane of the directions ``right`` and ``up`` in the frame of the pivot's joint.
+        """
+
     def closes(self, poses: RigidPoses) -> Flags:
         """Whether the linkage can be assembled (n,)."""
         return np.ones(len(poses), dtype=bool)
@@ -245,7 +252,7 @@ class Linkage(Drive):
 
     def record(self) -> dict[str, Any]:
         """Record for compiled code: numbers, directions and pins by field."""
-        return {"kind": self.number, "base": self.base}
+        return {"base": self.base, **self.rod_end_record()}
 
     def _motion(
         self, poses: RigidPoses, pin: Pin, link: str, joints: tuple[int, ...]

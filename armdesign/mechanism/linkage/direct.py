@@ -15,7 +15,6 @@ from armdesign.mechanism.linkage.base import Linkage, Pin, RodEnd
 class Direct(Linkage):
     """A rod end pinned to a link."""
 
-    number = 1
     key = "rod_end"
     title = "pin-to-pin cylinder"
     pin_names = ("base", "rod_end")
@@ -30,6 +29,6 @@ class Direct(Linkage):
             lambda _, axis: self.arm.direction(poses, own, np.eye(3)[axis], link, joints),
         )
 
-    def record(self) -> dict[str, Any]:
-        """Record for compiled code."""
-        return super().record() | {"far": self.rod_end}
+    def rod_end_record(self) -> dict[str, Any]:
+        """Record of the rod end for compiled code."""
+        return {"far": self.rod_end}

@@ -29,7 +29,6 @@ class FourBar(Linkage):
     pivot's link.
     """
 
-    number = 2
     key = "four_bar"
     title = "four-bar"
     pin_names = ("base", "pivot", "lug")
@@ -111,10 +110,10 @@ class FourBar(Linkage):
             return MachineFileError(where, fault, "a four-bar lies in its link's x–z plane")
         return None
 
-    def record(self) -> dict[str, Any]:
-        """Record for compiled code: ``right`` and ``up`` span its plane."""
+    def rod_end_record(self) -> dict[str, Any]:
+        """Record of the knee for compiled code: ``right`` and ``up`` span its plane."""
         rotation = self.arm.links[self.pivot.link].rotation
-        return super().record() | {
+        return {
             **{"far": self.lug, "pivot": self.pivot},
             **{"right": rotation[:, 0], "up": rotation[:, 2]},
             **{"rocker": self.rocker, "coupler": self.coupler, "side": self.side},

@@ -16,8 +16,6 @@ from armdesign.mechanism.linkage.base import Actuation, Drive
 class Gear(Drive):
     """A joint turned by a motor: moment arm 1, moment-arm derivative 0."""
 
-    number = 0
-
     joint: int
 
     @property
@@ -38,4 +36,4 @@ class Gear(Drive):
 
     def record(self) -> dict[str, Any]:
         """Record for compiled code."""
-        return {"kind": self.number, "joint": self.joint}
+        return {"joint": self.joint}

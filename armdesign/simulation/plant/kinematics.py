@@ -23,9 +23,6 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Pin
-from armdesign.mechanism.linkage.direct import Direct
-from armdesign.mechanism.linkage.four_bar import FourBar
-from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.urdf import Joint
 from armdesign.simulation.plant.compiled import Record, Records, borrowing, compiled, new_records
 from armdesign.simulation.plant.vectors import ZERO, Vector, cross, dot, plus, scaled, turned
@@ -42,11 +39,10 @@ JOINT = np.dtype(  # its frame in its parent's, turned by constant + sin q sine 
     align=True,
 )
 PIN = np.dtype([("frame", "i8"), ("at", "f8", 3)], align=True)  # of a joint; −1: the world
-GEAR, DIRECT, FOUR_BAR = Gear.number, Direct.number, FourBar.number
 DRIVE = np.dtype(  # of a cylinder its pins and bars, of a motor the joint that it turns
     [
-        ("kind", "i8"),  # the ``number`` of its class
-        ("joint", "i8"),
+        ("joint", "i8"),  # −1: a cylinder
+        ("knee", "?"),  # whether the rod end is one, where rocker and coupler meet
         *((name, PIN) for name in ("base_pin", "far_pin", "pivot_pin")),  # far: rod end or lug
         *((name, "f8", 3) for name in ("right", "up")),
         *((name, "f8") for name in ("rocker", "coupler", "side", "closed_length")),
@@ -126,9 +122,9 @@ def drives_of(machine: Machine) -> Records:
     """Cylinders, and motors after them, (nc,) as records ``DRIVE``."""
     records = new_records(len(machine.actuators), DRIVE)
     for row, actuator, drive in zip(records, machine.actuators, machine.drives, strict=True):
-        if drive.number not in (GEAR, DIRECT, FOUR_BAR):
-            raise NotImplementedError(f"{type(drive).__name__}: no compiled rod end")
-        for field, value in drive.record().items():
+        fields = drive.record()
+        row["joint"], row["knee"] = -1, "pivot" in fields
+        for field, value in fields.items():
             if isinstance(value, Pin):
                 row[f"{field}_pin"] = _pin(machine.arm, value)
             else:
@@ -310,8 +306,8 @@ def place_drive(
     at, frame = _position(drive.far_pin, frames), drive.far_pin.frame
     far = _moved(joints, frames, speed, frame, at, True, slope[FAR])
     end = far
-    if drive.kind == FOUR_BAR:
-        end = _place_four_bar(drive, joints, frames, speed, far, pins)
+    if drive.knee:
+        end = _place_knee(drive, joints, frames, speed, far, pins)
     else:
         for j in range(len(joints)):
             _write(slope[END], j, _vector(slope[FAR], j))
@@ -327,7 +323,7 @@ def place_drive(
 
 
 @borrowing
-def _place_four_bar(
+def _place_knee(
     drive: Record, joints: Records, frames: Frames, speed: Array, lug: Moving, pins: PinMotion
 ) -> Moving:
     """The knee of a four-bar; slopes of pivot, plane and knee are written."""
@@ -380,7 +376,7 @@ def add_bars(
     _write(coriolis, ROD, plus(_vector(coriolis, END), along[2], -1.0))
     _add_bar(drive.barrel_mass, BASE, BARREL, pins, mass, force)
     _add_bar(drive.rod_mass, ROD, END, pins, mass, force)
-    if drive.kind == FOUR_BAR:
+    if drive.knee:
         _add_bar(drive.rocker_mass, PIVOT, END, pins, mass, force)
         _add_bar(drive.coupler_mass, END, FAR, pins, mass, force)
 

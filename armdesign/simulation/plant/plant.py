@@ -39,7 +39,6 @@ from armdesign.simulation.plant.hydraulics import (
     system_of,
 )
 from armdesign.simulation.plant.kinematics import (
-    GEAR,
     BarLoads,
     Frames,
     PinMotion,
@@ -312,7 +311,7 @@ def _place_actuator(
 ) -> float:
     """Length of a cylinder [m] or angle of a motor [rad]; moment arms and bars are written."""
     nq = len(joints)
-    if drive.kind == GEAR:
+    if drive.joint >= 0:
         pins.arm[:] = 0.0
         pins.arm[drive.joint] = 1.0
         return state[drive.joint]

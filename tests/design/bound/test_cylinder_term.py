@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from armdesign import Machine
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.cylinder_shape import coordinates
-from armdesign.design.bound.cylinder_spring import Spring, Structure
+from armdesign.design.bound.cylinder_spring import CylinderSpring, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.hydraulics.actuator import Cylinder
@@ -132,10 +132,10 @@ def test_slopes_of_a_term_are_its_derivatives(name: str, yields: bool) -> None:
         * problem.machine.cylinders[i].stroke
         * random.uniform(0.5, 1.5, (5, 2))
     )[None]
-    spring = Spring()
+    spring = CylinderSpring()
     if yields:  # at any tangents, and with the piston further out
         shift, t = interval(np.full((1, n), 0.01)), random.uniform(size=(1, n))
-        spring = Spring(shift=shift, oil=(1 - t) ** 2, structure=t**2)
+        spring = CylinderSpring(shift=shift, oil=(1 - t) ** 2, structure=t**2)
     # off the telescope's axis
     at = coordinates(problem, i, shape, problem.vector.start)[:2] + 0.05 * (shape.high - shape.low)
 

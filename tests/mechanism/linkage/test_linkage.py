@@ -8,6 +8,7 @@ import ast
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +17,13 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
+from armdesign.exchange.cylinder_bodies import cylinder_bodies
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage, Pin, RodEnd
 from armdesign.mechanism.linkage.direct import Direct
-from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.linkage.kinds import KINDS
-from armdesign.simulation.plant.kinematics import DIRECT, FOUR_BAR, drives_of
+from armdesign.simulation.plant.equilibrium import find_equilibrium
+from armdesign.simulation.plant.plant import Plant
 from tests.checks import assert_same
 from tests.machines import inner_poses, named
 
@@ -32,7 +34,6 @@ PACKAGE = Path(ad.__file__).parent
 class Bracket(Linkage):
     """A rod end on a bracket welded to a link at its foot, along the link's x axis."""
 
-    number = 99
     key = "bracket"
     title = "bracket"
     pin_names = ("base", "foot")
@@ -41,13 +42,20 @@ class Bracket(Linkage):
     foot: Pin
     arm_length: float
 
+    @property
+    def outer(self) -> Pin:
+        x, y, z = self.foot.at
+        return Pin(link=self.foot.link, at=(x + self.arm_length, y, z))
+
     def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> RodEnd:
-        at = np.array(self.foot.at) + self.arm_length * np.eye(3)[0]
         own, arm = self.foot.link, self.arm
         return RodEnd(
-            arm.motion(poses, own, at, link, joints),
+            arm.motion(poses, own, np.array(self.outer.at), link, joints),
             lambda _, axis: arm.direction(poses, own, np.eye(3)[axis], link, joints),
         )
+
+    def rod_end_record(self) -> dict[str, Any]:
+        return {"far": self.outer}
 
 
 def bracketed(machine: ad.Machine, i: int) -> ad.Machine:
@@ -118,16 +126,33 @@ def test_a_design_moves_the_places_of_another_kind() -> None:
     assert constraints_at(problem, problem.vector.start).values.min() > -1e-9
 
 
-def test_a_kind_without_a_compiled_rod_end_is_not_simulated() -> None:
-    with pytest.raises(NotImplementedError, match="Bracket: no compiled rod end"):
-        drives_of(bracketed(named("excavator_20t"), 1))
-    for kind in KINDS:
-        assert kind.number in (DIRECT, FOUR_BAR)
+def test_another_kind_is_simulated() -> None:
+    """Limiting case: accelerations are the same from any state, bars of the cylinder included."""
+    plain = named("heavy_bars")
+    q = inner_poses(plain, 1)[0]
+    plants = [Plant(machine) for machine in (plain, bracketed(plain, 0))]
+    state = find_equilibrium(plants[0], q).state.copy()
+    state[len(q) : 2 * len(q)] = 0.3
+    shut = np.zeros((1, len(plain.actuators)))
+    one, same = (plant.derivative(state[None], shut)[0] for plant in plants)
+    assert np.abs(one[len(q) : 2 * len(q)]).max() > 1e-3
+    assert_allclose(same, one, rtol=1e-9, atol=1e-9)
 
 
-def test_kinds_have_names_and_numbers_of_their_own() -> None:
-    kinds = [Gear, *KINDS]
-    assert len({kind.number for kind in kinds}) == len(kinds)
+def test_another_kind_is_exported() -> None:
+    """Limiting case: its cylinder ends on the same point of the same link."""
+    plain = named("excavator_20t")
+    q = inner_poses(plain, 3)
+    pairs = zip(
+        *(cylinder_bodies(one, q, q[1]) for one in (plain, bracketed(plain, 1))), strict=True
+    )
+    for one, same in pairs:
+        assert (one.name, one.parent, one.closes) == (same.name, same.parent, same.closes)
+        assert_allclose(same.pin, one.pin, atol=1e-12)
+        assert_allclose(same.positions, one.positions, atol=1e-12)
+
+
+def test_kinds_have_keys_of_their_own() -> None:
     assert len({kind.key for kind in KINDS}) == len(KINDS)
 
 
@@ -135,7 +160,7 @@ def test_kinds_have_names_and_numbers_of_their_own() -> None:
 # descriptions for editors, its compiled rod end.
 OF_ONE_KIND = {
     *("mechanism.linkage.four_bar", "machine.file.schema", "machine.file.json_schema"),
-    *("simulation.plant.kinematics", "exchange.cylinder_bodies", "machine.parallelogram"),
+    *("simulation.plant.kinematics", "machine.parallelogram"),
 }
 
 
