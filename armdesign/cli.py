@@ -376,7 +376,7 @@ def _design(
     from armdesign.design.optimize import size_cylinders
     from armdesign.optimization import optimize
 
-    bandwidth = options["objective"] == "bandwidth"
+    bandwidth = options.get("objective") == "bandwidth"  # the least of something has none
     if "of" in options:
         say(f"searching for the least {options['of']}")
         answer = least(model, workspace, **options)
