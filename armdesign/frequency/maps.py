@@ -261,7 +261,8 @@ def _refuse_missing(cases: Sequence[CasePoses]) -> None:
     """Raises an error for a load case that exists at no pose."""
     for case in cases:
         if not case.exists.any():
-            path, link = f"payload.{case.name}.pitch_deg", case.machine.payload.link
+            payload = case.machine.payload
+            path, link = ".".join(payload.limit_location), payload.link
             part, line = f"{case.machine.source.name}: {path}", case.machine.line_of(path)
             fault = f"link {link} has that pitch at no pose of the workspace"
             raise PoseError(part, fault, "widen it, or remove the load case", line)

@@ -144,10 +144,11 @@ def place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tup
     place, slope = place_and_slopes(machine, q)
     if payload is None or payload.link is None:
         return place, slope
-    arm, link, step = machine.arm, payload.link, 1e-6
-    pitch = arm.pitch(arm.kinematics(q), link)
-    ahead = [arm.pitch(arm.kinematics(q + step * one), link) for one in np.eye(q.shape[1])]
-    slopes = np.stack([wrapped(turned - pitch) / step for turned in ahead], axis=1)
+    arm, step = machine.arm, 1e-6
+    pitch = payload.limited_angle(arm, arm.kinematics(q))
+    turned = (arm.kinematics(q + step * one) for one in np.eye(q.shape[1]))
+    ahead = [payload.limited_angle(arm, rigid) for rigid in turned]
+    slopes = np.stack([wrapped(angle - pitch) / step for angle in ahead], axis=1)
     rows = (place, pitch[:, None]), (slope, slopes[:, None])
     values, derivatives = (np.concatenate(pair, axis=1) for pair in rows)
     return values, derivatives

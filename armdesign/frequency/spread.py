@@ -26,7 +26,7 @@ SMALLEST_SLOPE = 0.1  # of the pitch by the joint, below which the joint cannot 
 
 def tipping_joints(machine: Machine, payload: LoadCase) -> list[int]:
     """Revolute joints that tip the link of a load case with pitch limits, root first."""
-    chain = machine.arm.chain(payload.link) if payload.link and payload.pitch else ()
+    chain = machine.arm.chain(payload.link) if payload.link and payload.limits else ()
     joints, slewing = machine.arm.joints, machine.arm.slewing
     return [j for j in chain if j < len(joints) and joints[j].revolute and j not in slewing]
 
@@ -40,7 +40,7 @@ def turned_onto_pitch_limits(
     pitch limit meets the ends of all other joints, are among them if q has these ends.
     """
     turned = [np.empty((0, len(ranges)))]
-    for limit in payload.pitch or ():
+    for limit in payload.limits:
         for rows in chunks(len(q)):
             _, on_limit = onto_pitch_limit(machine, payload, q[rows], joint, limit)
             turned.append(on_limit[_within(on_limit[:, joint], ranges[joint])])
@@ -58,17 +58,16 @@ def onto_pitch_limit(
 
     Which of the poses (n, nq) can be turned so (m,), and these poses (m, nq).
     """
-    assert payload.link is not None
     q = q.copy()
     step = np.zeros(q.shape[1])
     step[joint] = 0.1
     turns = np.ones(len(q), dtype=bool)
     for _ in range(8):
-        pitch = machine.arm.pitch(machine.arm.kinematics(q), payload.link)
+        pitch = payload.limited_angle(machine.arm, machine.arm.kinematics(q))
         error = wrapped(limit - pitch)
         if np.abs(error[turns]).max(initial=0.0) < 1e-13:
             break
-        ahead = machine.arm.pitch(machine.arm.kinematics(q + step), payload.link)
+        ahead = payload.limited_angle(machine.arm, machine.arm.kinematics(q + step))
         slope = wrapped(ahead - pitch) / step[joint]
         turns = np.abs(slope) > SMALLEST_SLOPE
         q[:, joint] += error / np.where(turns, slope, np.inf)
@@ -132,7 +131,7 @@ def surfaces(case: Machine, ranges: Array, values: int) -> Iterator[Array]:
     yield from _faces(ranges, fixed, values)
     for joint in tipping_joints(case, case.payload):
         for q in _faces(ranges, fixed | {joint}, values):
-            for limit in case.payload.pitch or ():
+            for limit in case.payload.limits:
                 flat, turned = q.reshape(-1, len(ranges)), np.full_like(q, np.nan)
                 known, on_limit = onto_pitch_limit(case, case.payload, flat, joint, limit)
                 inside = _within(on_limit[:, joint], ranges[joint])

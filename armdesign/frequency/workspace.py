@@ -212,7 +212,7 @@ class Workspace(ReadOnly):
 
     def holds(self, payload: LoadCase) -> Flags:
         """Whether a load case exists at each pose (n,)."""
-        if payload.pitch is None:
+        if not payload.limits:
             return np.ones(len(self), dtype=bool)
         if len(self) <= KEPT:
             return self.machine.holds(self.rigid, payload)

@@ -173,10 +173,10 @@ def _descend(case: CasePoses, start: Array) -> Array | None:
     def room(x: Array) -> Array:
         rigid = machine.arm.kinematics((low + x * span)[None])
         stroke = workspace.machine.margins(rigid)[0] - workspace.end_margin
-        tip = -machine.pitch_excess(rigid, payload) if payload.pitch else np.empty(0)
+        tip = -machine.pitch_excess(rigid, payload) if payload.limits else np.empty(0)
         return np.concatenate([stroke[[len(k.joints) > 1 for k in machine.drives]], tip])
 
-    constrained = payload.pitch is not None or any(len(k.joints) > 1 for k in machine.linkages)
+    constrained = bool(payload.limits) or any(len(k.joints) > 1 for k in machine.linkages)
     result = minimize(
         value_and_gradient,
         (start - low) / span,
@@ -200,7 +200,7 @@ def _in_workspace(machine: Machine, workspace: Workspace, q: Array) -> Array | N
         moved = [
             onto_pitch_limit(machine, payload, q[None], joint, limit)[1]
             for joint in tipping_joints(machine, payload)
-            for limit in payload.pitch or ()
+            for limit in payload.limits
         ]
         close = (p for p in np.concatenate(moved) if np.abs(p - q).max() < 2e-3)
         q = next((p for p in close if _in_box(p, workspace)), q)

@@ -83,10 +83,7 @@ class Ends:
             away = limits[1] - q[:, end.index] if end.upper else q[:, end.index] - limits[0]
             return np.asarray(away / np.ptp(limits))
         case, rigid = self.machine.payload, self.machine.arm.kinematics(q)
-        low, high = case.pitch or (0.0, 0.0)
-        offset = self.machine.arm.pitch(rigid, str(case.link)) - (low + high) / 2
-        beyond = np.arctan2(np.sin(offset), np.cos(offset))
-        return np.asarray((high - low) / 2 - (beyond if end.upper else -beyond))
+        return case.room(self.machine.arm, rigid, upper=end.upper)
 
     def slopes(self, family: Family, q: Array) -> Array:
         """∂(room)/∂q (n, m, nq) by differences of fourth order."""
@@ -116,7 +113,7 @@ class Ends:
         for k, end in enumerate(self.ends):
             if end.kind == "stroke" and location == ("requirements", "end_margin"):
                 slopes[k] = -1.0
-            own = ("payload", self.machine.payload.name, "pitch_deg")
+            own = self.machine.payload.limit_location
             if end.kind == "pitch" and location[:3] == own and location[3] == int(end.upper):
                 slopes[k] = np.deg2rad(1.0 if end.upper else -1.0)
         return slopes
@@ -177,7 +174,7 @@ def all_ends(machine: Machine) -> tuple[End, ...]:
     for j, joint in enumerate(machine.arm.joints):
         for upper, words in ((False, "lower"), (True, "upper")):
             ends.append(End("joint", j, upper, f"{words} limit of {joint.name}"))
-    if machine.payload.pitch is not None:
+    if machine.payload.limits:
         for upper, words in ((False, "lower"), (True, "upper")):
             ends.append(End("pitch", 0, upper, f"{words} pitch of {machine.payload.link}"))
     return tuple(ends)

@@ -15,7 +15,6 @@ from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
 from armdesign.machine.file.schema import share_of
-from armdesign.machine.load_case import PITCH_TOLERANCE
 from armdesign.mechanism.urdf import Joint
 from armdesign.units import Units
 
@@ -110,9 +109,9 @@ def _of_load_case(inspection: Inspection, name: str, units: Units) -> Iterator[O
     case = inspection.cases[name].machine.payload
     if inspection.share_held(name) == 0:
         words = "has that pitch at no pose of the workspace: the case never exists"
-        yield f"payload.{name}.pitch_deg", f"link {case.link} {words}"
+        yield ".".join(case.limit_location), f"link {case.link} {words}"
         return
-    if case.pitch and case.link:
+    if case.limits:
         yield from _of_pitch(inspection, name, units)
     for load in inspection.loads:
         if load.payload == name:
@@ -124,17 +123,14 @@ def _of_load_case(inspection: Inspection, name: str, units: Units) -> Iterator[O
 def _of_pitch(inspection: Inspection, name: str, units: Units) -> Iterator[Oddity]:
     """A pitch range of which the workspace reaches only a part."""
     case = inspection.cases[name].machine.payload
-    assert case.pitch is not None
-    assert case.link is not None
-    low, high = case.pitch
+    low, high = case.limits
     middle, half = (low + high) / 2, (high - low) / 2
-    offset = inspection.machine.arm.pitch(inspection.workspace.rigid, case.link) - middle
-    offset = np.arctan2(np.sin(offset), np.cos(offset))
-    inside = offset[np.abs(offset) <= half + PITCH_TOLERANCE]
+    placed = inspection.machine.arm, inspection.workspace.rigid
+    inside = case.from_middle(*placed)[case.exists(*placed)]
     if inside.min() > -half + PITCH_REACHED or inside.max() < half - PITCH_REACHED:
         reached = units.span(middle + inside.min(), middle + inside.max(), "rad")
         words = f"of {units.span(low, high, 'rad')} the workspace reaches only {reached}"
-        yield f"payload.{name}.pitch_deg", words
+        yield ".".join(case.limit_location), words
 
 
 def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterator[Oddity]:

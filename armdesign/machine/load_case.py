@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.errors import ArmDesignError, choose
 from armdesign.mechanism.arm import Arm, RigidPoses
 
@@ -21,6 +21,7 @@ class LoadCase:
     """A point mass [kg] at a point ``at`` [m] of a link.
 
     ``pitch`` [rad] limits the poses at which the link holds it: the case exists at them alone.
+    Which poses these are, and what ends them, is asked of ``limits`` and the methods alone.
     """
 
     name: str
@@ -29,17 +30,46 @@ class LoadCase:
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pitch: tuple[float, float] | None = None
 
+    @property
+    def limits(self) -> tuple[float, ...]:
+        """Lower and upper limit of ``limited_angle`` [rad]; none if it exists at every pose."""
+        return () if self.pitch is None or self.link is None else self.pitch
+
+    @property
+    def limit_location(self) -> tuple[str, str, str]:
+        """Where the machine file gives the limits."""
+        return "payload", self.name, "pitch_deg"
+
+    def limited_angle(self, arm: Arm, rigid: RigidPoses) -> Array:
+        """Angle of which limits end the poses of the load case: pitch of its link (n,) [rad]."""
+        return arm.pitch(rigid, str(self.link))
+
+    def from_middle(self, arm: Arm, rigid: RigidPoses) -> Array:
+        """Limited angle from the middle of its limits, within half a turn (n,) [rad]."""
+        low, high = self.limits
+        offset = self.limited_angle(arm, rigid) - (low + high) / 2
+        return np.asarray(np.arctan2(np.sin(offset), np.cos(offset)))
+
+    def room(self, arm: Arm, rigid: RigidPoses, *, upper: bool) -> Array:
+        """Angle left to the upper limit or the lower one (n,) [rad]."""
+        low, high = self.limits
+        offset = self.from_middle(arm, rigid)
+        return np.asarray((high - low) / 2 - (offset if upper else -offset))
+
     def pitch_excess(self, arm: Arm, rigid: RigidPoses) -> Array:
         """Angle by which the link is tipped out of its pitch range (n,) [rad].
 
         Negative where the link holds the load, zero on a limit; −inf for a case without a pitch
         range.
         """
-        if self.pitch is None or self.link is None:
+        if not self.limits:
             return np.full(len(rigid), -np.inf)
-        low, high = self.pitch
-        offset = arm.pitch(rigid, self.link) - (low + high) / 2
-        return np.abs(np.arctan2(np.sin(offset), np.cos(offset))) - (high - low) / 2
+        low, high = self.limits
+        return np.asarray(np.abs(self.from_middle(arm, rigid)) - (high - low) / 2)
+
+    def exists(self, arm: Arm, rigid: RigidPoses) -> Flags:
+        """Whether the load case exists at each pose (n,)."""
+        return np.asarray(self.pitch_excess(arm, rigid) <= PITCH_TOLERANCE)
 
 
 def case_named(name: str, cases: Iterable[LoadCase], machine: str) -> LoadCase:

@@ -27,7 +27,7 @@ from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, lines_of
 from armdesign.machine.links import urdf_of
-from armdesign.machine.load_case import PITCH_TOLERANCE, LoadCase, case_named, case_of_mass
+from armdesign.machine.load_case import LoadCase, case_named, case_of_mass
 from armdesign.machine.poses import (
     Poses,
     joint_positions,
@@ -356,8 +356,7 @@ class Machine:
 
     def holds(self, q: ArrayLike | RigidPoses, payload: LoadCase | None = None) -> Flags:
         """Whether the load case exists at each pose (n,): its link's pitch lies in its range."""
-        excess = self.pitch_excess(self._placed(q), payload or self.payload)
-        return np.asarray(excess <= PITCH_TOLERANCE)
+        return (payload or self.payload).exists(self.arm, self._placed(q))
 
     def _placed(self, q: ArrayLike | RigidPoses) -> RigidPoses:
         """Placements at q (n, nq), if they are not known already."""

@@ -293,12 +293,11 @@ def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
     """
     positions, case = joint_positions(machine, q), machine.payload
     unheld = ~machine.holds(positions)
-    if case.pitch is None or case.link is None or not unheld.any():
+    if not unheld.any():
         return
-    pitch = machine.arm.pitch(machine.arm.kinematics(positions[unheld][:1]), case.link)[0]
-    low, high = case.pitch
-    middle = (low + high) / 2
-    nearest = middle + math.remainder(pitch - middle, 2 * math.pi)
+    first = machine.arm.kinematics(positions[unheld][:1])
+    low, high = case.limits
+    nearest = (low + high) / 2 + case.from_middle(machine.arm, first)[0]
     fault = (
         f"the {case.link} has a pitch of {nearest / deg:.1f} deg"
         f" at {pose_text(machine, positions[unheld][0])}, it holds the load at"

@@ -206,7 +206,7 @@ def _others(machine: Machine) -> str:
 
 def _steps(machine: Machine) -> str:
     """Words on staircases in a map: ends of load cases that exist within a pitch range only."""
-    tilting = [case for case in machine.payloads if case.pitch is not None and case.mass > 0]
+    tilting = [case for case in machine.payloads if case.limits and case.mass > 0]
     names = " and ".join(case.name for case in tilting)
     links = " and ".join(dict.fromkeys(str(case.link) for case in tilting))
     return f"\nsteps: where the pitch of {links} ends load case {names}" if tilting else ""

@@ -64,9 +64,10 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
         ]
     for payload in machine.payloads:
         where = f"on {payload.link}" if payload.link else ""
-        if payload.pitch:
+        if payload.limits:
             held = 100 * inspection.share_held(payload.name)
-            where += f", pitch {units.span(*payload.pitch, 'rad')}: {held:.0f} % of the poses"
+            low, high = payload.limits
+            where += f", pitch {units.span(low, high, 'rad')}: {held:.0f} % of the poses"
         rows.append((f"payload {payload.name}", f"{payload.mass:.1f}", where))
     bare = [c.name for c in machine.cylinders if not c.moving_masses]
     note = f"no mass given for cylinder{'s' * (len(bare) > 1)} {', '.join(bare)}" * bool(bare)
