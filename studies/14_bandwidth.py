@@ -53,9 +53,10 @@ def main() -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "bandwidths.csv")
     fig, axes = plots.figure(2, 6.0, 4.6)
-    high = max(each.frame["own_hz"].max() for each in maps.values())
-    for ax, words in zip(axes, ("today", "new"), strict=True):
-        maps[words].plot(ax, vmin=0.0, vmax=high)
+    shown = {words: maps[words] for words in ("today", "new")}
+    every = pd.concat([each.frame["own_hz"] for each in shown.values()])
+    for ax, (words, each) in zip(axes, shown.items(), strict=True):
+        each.plot(ax, vmin=every.min(), vmax=1.0).set_title(words)
     plots.save(fig, OUT / "maps.png")
 
 
