@@ -129,9 +129,10 @@ def optimize(
         run.go_on(out)
         options: dict[str, Any] = {"vary": listed(vary), **search.settings}
         if least:
-            if options.pop("objective") != "gain":
-                fault = "goes not with --least, which has an aim of its own"
-                raise ArmDesignError("--objective", fault, "give one of them")
+            for name, default in (("objective", "gain"), ("damping", None)):
+                if options.pop(name) != default:
+                    fault = "goes not with --least, which has an aim of its own"
+                    raise ArmDesignError(f"--{name}", fault, "give one of them")
             options |= {"of": least, "frequency": frequency}
         design = _design(model, workspace, options, say)
     with run.writing(out) as folder:

@@ -88,6 +88,9 @@ def test_least_oil_for_a_frequency(
     for more in (["--least", "oil"], ["--frequency", "1"]):
         assert main([*words, *more], monkeypatch) == 2
         assert "--least: goes with --frequency" in capsys.readouterr().err
+    for name, value in (("--objective", "bandwidth"), ("--damping", "0.02")):
+        assert main([*words, *least, name, value], monkeypatch) == 2
+        assert f"{name}: goes not with --least" in capsys.readouterr().err
 
 
 BANDED = "payload_share = [0.7, 1.3]\nbulk_modulus_share = [0.8, 1.0]\n"

@@ -232,21 +232,20 @@ def test_tolerances_finds_its_headline() -> None:
 
 @pytest.mark.slow
 def test_bandwidth_finds_its_headline() -> None:
-    """The coarse grid of the fast run makes another new machine, but for some per cent."""
     module = study("14_bandwidth")
     words = module.__doc__ or ""
     new, today, without = (float(x) for x in re.findall(r"([\d.]+) Hz", words))
     shares = re.findall(r"(\d+) % (?:more|higher|of the)", words)
     more, higher, lost, taken = (float(share) / 100 for share in shares)
-    table, _ = module.run(fast=True)
+    table, _ = module.run()
     own, frequency = table["with gains of each loop's own"], table["frequency"]
     assert own["today"] == pytest.approx(today, abs=5e-4)
-    assert own["new"] == pytest.approx(new, rel=0.03)
+    assert own["new"] == pytest.approx(new, abs=5e-4)
     assert table["position gains"][["today", "new"]].to_numpy() == pytest.approx(without, abs=5e-4)
-    assert frequency["new"] / frequency["today"] - 1 == pytest.approx(higher, abs=0.02)
-    assert own["new"] / own["today"] - 1 == pytest.approx(more, abs=0.03)
+    assert frequency["new"] / frequency["today"] - 1 == pytest.approx(higher, abs=0.005)
+    assert own["new"] / own["today"] - 1 == pytest.approx(more, abs=0.005)
     assert 1 - frequency["today, 1 % air"] / frequency["today"] == pytest.approx(lost, abs=0.005)
-    assert 1 - own["today, 1 % air"] / own["today"] == pytest.approx(taken, abs=0.01)
+    assert 1 - own["today, 1 % air"] / own["today"] == pytest.approx(taken, abs=0.005)
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.py")), ids=lambda p: p.stem)

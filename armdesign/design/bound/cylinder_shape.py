@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.bound.intervals import Interval, interval
+from armdesign.design.bound.intervals import Interval, interval, total
 from armdesign.design.bound.pin_triangles import TriangleBoxes
 from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
@@ -70,6 +70,9 @@ class Shape:
 
         Exact for boxes of no width.
         """
+        if np.array_equal(low, high):
+            points = Natural(self, interval(low))
+            return Enclosure(points, points, np.zeros_like(low))
         middle = (low + high) / 2
         return Enclosure(
             Natural(self, Interval(low, high)), Natural(self, interval(middle)), (high - low) / 2
@@ -253,15 +256,20 @@ class Enclosure:
     @cached_property
     def stroke(self) -> Interval:
         """Stroke S (m,)."""
+        if self.centre is self.wide:
+            return self.wide.stroke
         spread = (self.wide.stroke_slope.size * self.reach).sum(axis=1)
         return self.wide.stroke.within(
             _around(self.centre.stroke, np.where(self.wide.whole, spread, np.inf))
         )
 
     def _cut(self, name: str) -> Interval:
+        if self.centre is self.wide:  # of no width: nothing to cut
+            points: Interval = getattr(self.wide, name)
+            return points
         slope: Interval = getattr(self.wide, f"{name}_slope")
         spread = np.where(
-            self.wide.whole[:, None], (slope.size * self.reach[:, None]).sum(axis=2), np.inf
+            self.wide.whole[:, None], total(slope.size * self.reach[:, None], 2), np.inf
         )
         cut: Interval = getattr(self.wide, name).within(
             _around(getattr(self.centre, name), spread)

@@ -39,6 +39,8 @@ class Interval:
     def __mul__(self, other: Any) -> Interval:
         if not isinstance(other, Interval):
             ends = self.low * other, self.high * other
+            if isinstance(other, float | int):
+                return Interval(*ends) if other >= 0 else Interval(*ends[::-1])
             return Interval(np.minimum(*ends), np.maximum(*ends))
         if np.min(other.low, initial=0.0) >= 0:
             return other._times(self)
@@ -53,6 +55,8 @@ class Interval:
 
     def _times(self, other: Interval) -> Interval:
         """The product where this one is nowhere negative: what is most of the work."""
+        if np.min(other.low, initial=0.0) >= 0:
+            return Interval(self.low * other.low, self.high * other.high)
         return Interval(
             np.minimum(self.low * other.low, self.high * other.low),
             np.maximum(self.low * other.high, self.high * other.high),
@@ -77,7 +81,7 @@ class Interval:
 
     def sum(self, axis: int) -> Interval:
         """Sum along an axis."""
-        return Interval(self.low.sum(axis=axis), self.high.sum(axis=axis))
+        return Interval(total(self.low, axis), total(self.high, axis))
 
     def within(self, other: Interval) -> Interval:
         """Numbers in both intervals: for two enclosures of one number."""
@@ -94,6 +98,13 @@ class Interval:
 
     def __getitem__(self, index: Any) -> Interval:
         return Interval(self.low[index], self.high[index])
+
+
+def total(values: Array, axis: int) -> Array:
+    """Sum along an axis; of two numbers side by side some times faster than numpy's own."""
+    if values.shape[axis] == 2 and axis == values.ndim - 1:
+        return np.asarray(values[..., 0] + values[..., 1])
+    return np.asarray(values.sum(axis=axis))
 
 
 def interval(value: Any) -> Interval:
