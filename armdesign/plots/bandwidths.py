@@ -22,10 +22,9 @@ from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
 from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.control.gain_schedule import GainSchedule
+    from armdesign.plots.canvas import Axes
 
 BANDWIDTH = "bandwidth of narrowest loop [Hz]"
 GAIN = "position gain [1/s]"

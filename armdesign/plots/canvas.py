@@ -25,7 +25,7 @@ from armdesign.errors import ArmDesignError, printable
 from armdesign.transaction import undisturbed
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.axes import Axes as Axes
 
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint

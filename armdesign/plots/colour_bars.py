@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from armdesign.plots.canvas import Axes
 
 
 def colour_bar(ax: Axes, mesh: Any, label: str) -> Any:

@@ -23,13 +23,12 @@ from armdesign.plots.canvas import (
 from armdesign.plots.maps import side_by_side
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
     from armdesign.design.requirements.performance import Performance
     from armdesign.design.steps import Steps
     from armdesign.machine.machine import Machine
+    from armdesign.plots.canvas import Axes
 
 ACROSS = 3  # actuators in a row
 TRADED = {  # limit of a trade-off: label of its axis, axis unit over SI, today's value

@@ -15,9 +15,8 @@ from armdesign.plots.labels import Label
 from armdesign.units import WORKSHOP, mm
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from armdesign.machine.machine import Machine
+    from armdesign.plots.canvas import Axes
 
 
 def pose_words(machine: Machine, view: SideView) -> str:

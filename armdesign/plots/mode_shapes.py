@@ -17,9 +17,8 @@ from armdesign.plots.machine_words import pose_words
 from armdesign.plots.machines import draw_machine, extent, frame
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from armdesign.machine.machine import Machine
+    from armdesign.plots.canvas import Axes
 
 FADED = {"fc": "#f3f4f6", "ec": "#d1d5db"}
 SHOWN = 3  # lowest modes

@@ -11,11 +11,10 @@ from armdesign.drawing.colours import ACTUATORS
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from armdesign.frequency.bands import Corner, FrequencyBand
     from armdesign.frequency.modes import Modes
     from armdesign.machine.poses import Poses
+    from armdesign.plots.canvas import Axes
 
 JOINED = 40  # poses whose dots are joined by lines: a path, say
 

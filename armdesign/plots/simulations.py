@@ -11,8 +11,7 @@ from armdesign.plots.canvas import INK, MARK, figure, literal, title_of
 from armdesign.units import bar, deg
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+    from armdesign.plots.canvas import Axes
     from armdesign.simulation.run import Simulation
 
 
