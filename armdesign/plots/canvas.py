@@ -237,3 +237,13 @@ def joint_values(joint: Joint, q: Array) -> Array:
 def joint_label(joint: Joint) -> str:
     """Label of a joint's axis: its name and unit."""
     return f"{joint.name} [{'deg' if joint.revolute else 'm'}]"
+
+
+def plain_decades(ax: Axes) -> None:
+    """A logarithmic axis with numbers as people write them."""
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+    ax.set_yscale("log")
+    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    ax.yaxis.set_minor_formatter("")

@@ -8,7 +8,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.drawing.colours import ACTUATORS
-from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal, plain_decades
 
 if TYPE_CHECKING:
     from armdesign.frequency.bands import Corner, FrequencyBand
@@ -37,7 +37,7 @@ def modes_by_pose(modes: Modes, ax: Axes | None = None) -> Any:
         ax.plot(np.arange(len(known)), known, "_", color=INK, ms=size, alpha=0.7, label=label)
     ax.set(ylabel="natural frequency [Hz]")
     if any(np.isfinite(line.get_ydata()).any() for line in ax.lines):
-        _plain_decades(ax)
+        plain_decades(ax)
     _finish(ax, len(modes.frequencies))
     return ax
 
@@ -96,13 +96,3 @@ def _finish(ax: Axes, count: int) -> None:
 def _legend_above(ax: Axes) -> None:
     """Beside the axes no line is hidden."""
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0.2)
-
-
-def _plain_decades(ax: Axes) -> None:
-    """A logarithmic axis with numbers as people write them."""
-    from matplotlib.ticker import LogLocator, StrMethodFormatter
-
-    ax.set_yscale("log")
-    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    ax.yaxis.set_minor_formatter("")
