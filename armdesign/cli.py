@@ -377,11 +377,12 @@ def _design(
     from armdesign.design.optimize import size_cylinders
     from armdesign.optimization import optimize
 
-    bandwidth = options.get("objective") == "bandwidth"  # the least of something has none
+    # the least of something has neither
+    of_frequency = options.get("objective") in ("gain", "worst") and options.get("damping") is None
     if "of" in options:
         say(f"searching for the least {options['of']}")
         answer = least(model, workspace, **options)
-    elif options["vary"] == ("areas",) and not bandwidth:
+    elif options["vary"] == ("areas",) and of_frequency:
         say("searching for better sizes")
         if options["starts"] is not None:
             fault = "mean nothing where sizes alone vary: there is one search"

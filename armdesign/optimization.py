@@ -94,7 +94,6 @@ def optimize(
             chosen again, until nothing is better. ``bound`` is for free sizes and pins; where no
             pin varies, for sizes of the catalogue. A bore or rod that does not vary stays: then
             only pairs that have it are offered.
-
         damping: ratio of all modes in place of the file's damping, on which bandwidths rest.
 
     Raises:

@@ -11,7 +11,8 @@ import pytest
 import armdesign as ad
 from armdesign.design.program.corners import Emphasis
 from armdesign.design.search.multistart import formulate
-from tests.commands import main
+from armdesign.sweeps.numbers import of_design
+from tests.commands import Refused, main
 
 DAMPING = 0.02  # a measured crane
 AREAS = ("areas",)
@@ -37,6 +38,7 @@ def test_bandwidths_are_those_of_maps() -> None:
     assert new == pytest.approx(narrowest(design.machine, workspace), rel=1e-9)
     assert new >= of_frequency > today
     assert all(check.slack >= 0 for check in design.checks)
+    assert of_design(design)["bandwidth_after_hz"] == new
     command = "objective='bandwidth', damping=0.02"
     assert command in design.machine.text.replace("\n#  ", "")
 
@@ -118,6 +120,19 @@ def test_what_does_not_go_together_is_refused(options: dict[str, object], messag
     with pytest.raises(ad.ArmDesignError) as error:
         ad.optimize(machine, workspace, vary=AREAS, **options)  # type: ignore[arg-type]
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--damping", "0.02"], 'means nothing where "gain" is to rise'),
+        (["--objective", "speed"], "choose from: gain, worst, bandwidth"),
+    ],
+)
+def test_the_command_refuses_what_means_nothing(
+    words: list[str], message: str, refused: Refused
+) -> None:
+    refused(["optimize", "paper_1dof", "--points", "3", "--vary", "areas", *words], message)
 
 
 def test_the_command_says_what_the_bandwidth_was_and_is(

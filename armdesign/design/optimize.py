@@ -55,7 +55,7 @@ def best_frequency(
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
     command = call(
         "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
-        objective=_told(objective), catalogue=catalogue,
+        objective=_stated(objective), catalogue=catalogue,
     )  # fmt: skip
 
     def under(problem: Problem) -> Design:
@@ -138,7 +138,7 @@ def size_cylinders(
     )
     command = call(
         "size_cylinders", dead_volume=dead_volume, bands=bands,
-        objective=_told(objective), catalogue=catalogue,
+        objective=_stated(objective), catalogue=catalogue,
     )  # fmt: skip
 
     def under(problem: Problem) -> Design:
@@ -153,7 +153,7 @@ def size_cylinders(
     )
 
 
-def _told(objective: str | Emphasis) -> str | None:
+def _stated(objective: str | Emphasis) -> str | None:
     """An objective in the command that made a design; None for the default."""
     name = objective if isinstance(objective, str) else "bandwidth"
     return None if name == "gain" else name

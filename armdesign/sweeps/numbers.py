@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Numbers = Mapping[str, Any]
 
+BANDWIDTHS = ("bandwidth_before_hz", "bandwidth_of_best_frequency_hz", "bandwidth_after_hz")
 MEANINGS = {
     "worst_hz": "lowest natural frequency over the workspace, all load cases [Hz]",
     "payload_at_worst": "load case of the worst pose",
@@ -29,6 +30,9 @@ MEANINGS = {
     "least_gain": "least gain within the bands; null without bands",
     "unrounded_hz": "worst frequency of the design before rounding [Hz]",
     "lift_share": "least lift of the new machine over today's, over the lift chart",
+    "bandwidth_before_hz": "least bandwidth of today's machine, where it was the objective [Hz]",
+    "bandwidth_of_best_frequency_hz": "that of the machine of the highest worst frequency [Hz]",
+    "bandwidth_after_hz": "that of the new machine [Hz]",
     "binding": "requirement with the highest price; empty where none binds",
     "new.<key path>": "number of the new machine's file that differs from today's, in its unit",
     "worst_deviation": "largest deviation of identified from linear frequencies; 0.01 is 1 %",
@@ -72,6 +76,7 @@ def of_design(design: Design) -> Numbers:
         "unrounded_hz": design.unrounded,
         "lift_share": design.lift_share,
         "binding": design.binding[0].name if design.binding else "",
+        **dict(zip(BANDWIDTHS, design.bandwidths or (), strict=False)),
         **{f"new.{'.'.join(map(str, path))}": new for path, (_, new) in changed.items()},
     }
 

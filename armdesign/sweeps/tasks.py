@@ -30,17 +30,18 @@ def design(
     seed: int = 0,
     objective: str = "gain",
     catalogue: str | None = None,
+    damping: float | None = None,
 ) -> Numbers:
     """Worst frequency today and of the best machine [Hz], its gains, and every changed number."""
     from armdesign.design.optimize import size_cylinders
     from armdesign.optimization import optimize
 
-    if tuple(vary) == ("areas",) and objective != "bandwidth":
+    if tuple(vary) == ("areas",) and objective != "bandwidth" and damping is None:
         best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)
     else:
         best = optimize(
             machine, workspace, vary=tuple(vary), starts=starts, seed=seed, objective=objective,
-            catalogue=catalogue,
+            catalogue=catalogue, damping=damping,
         )  # fmt: skip
     return numbers.of_design(best)
 
