@@ -139,8 +139,8 @@ def best_bandwidth(
 ) -> Design:
     """The design of the largest least bandwidth that was found, with the values of the file.
 
-    The first one is that of the highest worst frequency, so that it is never worse than that; a
-    local search, without a bound. Bandwidths are those of gains common to all joints, at
+    A local search, without a bound. It starts from the design of the highest worst frequency, so
+    that it is never worse than this. Bandwidths are reached with gains common to all joints, at
     ``least_bandwidth.POSES`` poses of the workspace, where today's machine has one.
 
     Args:

@@ -1,7 +1,7 @@
 """Least bandwidth over a workspace, and how bandwidth goes with frequency from pose to pose.
 
-Bandwidth is that of one position gain and one gain of pressure feedback for all joints, the scheme
-``damped`` of ``bandwidth_map``: it needs no search, so that two machines are compared alike.
+Bandwidth is reached with one position gain and one gain of pressure feedback for all joints, the
+scheme ``damped`` of ``bandwidth_map``: it needs no search, so that machines are compared alike.
 """
 
 from __future__ import annotations
@@ -94,8 +94,8 @@ def spread(
 ) -> Places:
     """Values at poses of a sample under each load case, at all poses of its workspace.
 
-    Each other pose has those of the nearest one of which they are known, as shares of the joints'
-    ranges, times a reserve; NaN for a load case of which none is.
+    Each other pose has the values of the nearest pose at which they are known, by shares of the
+    joints' ranges, times a reserve; NaN for a load case with none.
     """
     from scipy.spatial import KDTree
 

@@ -211,17 +211,17 @@ def _legs(
     link, end = pivot.link, linkage.ends(rigid)[1]
     along = _in_plane(linkage, rigid, link, end - linkage.point(rigid, pivot))
     raised = _Directions.between(linkage, rigid, link, along).raise_
-    start, length = _Joint(link, pivot.at), getattr(linkage, first)
+    start, length = _Hinge(link, pivot.at), getattr(linkage, first)
     yield _leg(name, cylinder, (first, length), start, raised)
     for bar, pin in others:
         along = _in_plane(linkage, rigid, link, linkage.point(rigid, pin) - end)
         bend = _Directions.between(linkage, rigid, link, along).raise_ - raised
-        joint, own = _Joint(f"{name}_{first}", (length, 0.0, 0.0)), getattr(linkage, bar)
+        joint, own = _Hinge(f"{name}_{first}", (length, 0.0, 0.0)), getattr(linkage, bar)
         body = _leg(name, cylinder, (bar, own), joint, bend)
         yield replace(body, closes=pin.link, end=(own, 0.0, 0.0), pin=pin.at)
 
 
-class _Joint(NamedTuple):
+class _Hinge(NamedTuple):
     """Place of a joint in the frame of the link or body that carries it [m]."""
 
     parent: str
@@ -229,7 +229,7 @@ class _Joint(NamedTuple):
 
 
 def _leg(
-    name: str, cylinder: Cylinder, bar: tuple[str, float], joint: _Joint, angles: Array
+    name: str, cylinder: Cylinder, bar: tuple[str, float], joint: _Hinge, angles: Array
 ) -> CylinderBody:
     """A bar by its name and length [m], turned by angles (n + 1,), the reference last."""
     part, length = bar

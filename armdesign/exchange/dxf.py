@@ -57,7 +57,7 @@ def write_dxf(machine: Machine, path: Path, pose: ArrayLike | None = None) -> Pa
     for name, (colour, line) in LAYERS.items():
         document.layers.add(name, color=colour, linetype=line)
     table, view = pin_table(machine, q[0]), side_view(machine, q)
-    sheet = _Layout(document.modelspace(), view.size / mm)
+    sheet = _ScaledSpace(document.modelspace(), view.size / mm)
     document.header["$LTSCALE"] = sheet.text
     _draw_machine(sheet, f"{machine.section.title or machine.name}: {_pose(machine, q[0])}", view)
     _draw_links(sheet, document, table, _corners(view)[0])
@@ -65,16 +65,16 @@ def write_dxf(machine: Machine, path: Path, pose: ArrayLike | None = None) -> Pa
     return path
 
 
-class _Layout:
+class _ScaledSpace:
     """A layout or block to draw in, with heights of texts and radii of circles [mm]."""
 
     def __init__(self, space: Any, size: float) -> None:
         self.space, self.size = space, size
         self.text, self.mark = size * TEXT, size * MARK
 
-    def on(self, space: Any) -> _Layout:
+    def on(self, space: Any) -> _ScaledSpace:
         """Another space with the same heights and radii."""
-        return _Layout(space, self.size)
+        return _ScaledSpace(space, self.size)
 
     def line(self, points: ArrayLike, layer: str, close: bool = False) -> None:
         """A line through points (m, 2) [mm]."""
@@ -99,7 +99,7 @@ class _Layout:
         self.space.add_text(text, dxfattribs=attributes)
 
 
-def _draw_machine(sheet: _Layout, title: str, view: SideView) -> None:
+def _draw_machine(sheet: _ScaledSpace, title: str, view: SideView) -> None:
     """Title, outlines, cylinders between their pins, bars, pins and joints at the pose."""
     for body in view.polygons():
         for corners in body:
@@ -138,7 +138,7 @@ def _corners(view: SideView) -> tuple[Array, Array]:
     return np.nanmin(points, axis=0), np.nanmax(points, axis=0)
 
 
-def _draw_links(sheet: _Layout, document: Any, table: pd.DataFrame, corner: Array) -> None:
+def _draw_links(sheet: _ScaledSpace, document: Any, table: pd.DataFrame, corner: Array) -> None:
     """A block of pins in its own frame for each link, inserted in rows below a corner (2,)."""
     (left, top), lowest = corner, corner[1]
     for link, rows in table[table["link"] != ""].groupby("link", sort=False):
@@ -158,7 +158,7 @@ def _draw_links(sheet: _Layout, document: Any, table: pd.DataFrame, corner: Arra
 
 
 def _draw_link(
-    sheet: _Layout, link: str, rows: pd.DataFrame, corners: tuple[Array, Array]
+    sheet: _ScaledSpace, link: str, rows: pd.DataFrame, corners: tuple[Array, Array]
 ) -> None:
     """Pins of a link in its frame, with their coordinates, and the axes of the frame."""
     axes, places = 6 * sheet.mark, rows[["x_mm", "z_mm"]].to_numpy(dtype=float)

@@ -261,8 +261,8 @@ def sensitivity(
     """Change of the worst frequency with every number of a machine's file.
 
     Derivatives are exact: of K and M by a complex step along each number, of the worst pose by
-    the multipliers of the ends that hold it. Numbers of a URDF are left as they are; those of
-    ``[links]`` are numbers of the file, by differences.
+    the multipliers of the ends that hold it. Numbers of a URDF are left as they are; ``[links]``
+    holds numbers of the file, whose derivatives are differences.
 
     Args:
         machine: the machine.

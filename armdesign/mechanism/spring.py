@@ -7,7 +7,7 @@ torque
 
 It stands at z₀ whatever the pose and the load at rest: the preload τ₀ is what gravity needs there.
 So K gains κ on the diagonal beside ∂g/∂(q, z) (THEORY §8), and static forces of actuators are
-those of a rigid machine. Static condensation would be wrong where what yields has inertia.
+as in a rigid machine. Static condensation would be wrong where what yields has inertia.
 """
 
 from __future__ import annotations

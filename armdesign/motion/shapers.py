@@ -123,7 +123,7 @@ class Shaper(ReadOnly):
 
         By Dolph and Chebyshev: n + 1 impulses at distances τ have V = |T_n(x0 cos πfτ)|/T_n(x0)
         with T_n(x0) = 1/V_max, which is at most V_max from f = arccos(1/x0)/πτ to 1/τ less that.
-        The least n whose band is as wide is taken. Damping turns A_i into A_i e^{−σt_i}, σ that of
+        The least n whose band is as wide is taken. Damping turns A_i into A_i e^{−σt_i}, σ at
         the middle of the band; as σ varies over the band V_max is lowered until all of it is kept.
 
         Args:
