@@ -31,7 +31,7 @@ MEANINGS = {
     "unrounded_hz": "worst frequency of the design before rounding [Hz]",
     "lift_share": "least lift of the new machine over today's, over the lift chart",
     "bandwidth_before_hz": "least bandwidth of today's machine, where it was the objective [Hz]",
-    "bandwidth_of_best_frequency_hz": "least bandwidth of the machine of the highest worst frequency [Hz]",
+    "bandwidth_of_best_frequency_hz": "least bandwidth with the highest worst frequency [Hz]",
     "bandwidth_after_hz": "least bandwidth of the new machine [Hz]",
     "binding": "requirement with the highest price; empty where none binds",
     "new.<key path>": "number of the new machine's file that differs from today's, in its unit",
