@@ -227,7 +227,7 @@ def test_a_trade_off_keeps_finished_values(
     """
     from armdesign.design import pareto
 
-    real, values = pareto.optimize, ["0.97", "0.98", "0.99", "1.0"]
+    real, values = pareto.best_frequency, ["0.97", "0.98", "0.99", "1.0"]
     calls = iter(values)
 
     def interrupted(*words: Any, **options: Any) -> Any:
@@ -240,7 +240,7 @@ def test_a_trade_off_keeps_finished_values(
     words += ["--points", "9"]
     assert main([*words, "--out", "undisturbed"], monkeypatch) == 0
     assert not capsys.readouterr().err
-    monkeypatch.setattr(pareto, "optimize", interrupted)
+    monkeypatch.setattr(pareto, "best_frequency", interrupted)
     assert main(words, monkeypatch) == 130
     out = Path("out", "pareto_paper_1dof")
     assert pd.read_csv(out / "pareto.csv")["limit"].to_list() == [0.97, 0.98]
@@ -250,7 +250,7 @@ def test_a_trade_off_keeps_finished_values(
         " what was finished is kept in out/pareto_paper_1dof/pareto.sqlite; go on with: armdesign"
         " pareto paper_1dof --values=0.97,0.98,0.99,1.0 --vary areas --points 9"
     )
-    monkeypatch.setattr(pareto, "optimize", real)
+    monkeypatch.setattr(pareto, "best_frequency", real)
     assert main(shlex.split(said.split("armdesign ")[-1]), monkeypatch) == 0
     assert "2 pieces were finished before" in capsys.readouterr().err
     for file in ("pareto.csv", "pareto.png"):
