@@ -375,14 +375,12 @@ def _design(
     """New machine, mapped, by the search that the options ask for."""
     from armdesign.design.least import least
     from armdesign.design.optimize import size_cylinders
-    from armdesign.optimization import optimize
+    from armdesign.optimization import only_sizes, optimize
 
-    # the least of something has neither
-    of_frequency = options.get("objective") in ("gain", "worst") and options.get("damping") is None
     if "of" in options:
         say(f"searching for the least {options['of']}")
         answer = least(model, workspace, **options)
-    elif options["vary"] == ("areas",) and of_frequency:
+    elif only_sizes(options["vary"], options["objective"], options["damping"]):
         say("searching for better sizes")
         if options["starts"] is not None:
             fault = "mean nothing where sizes alone vary: there is one search"

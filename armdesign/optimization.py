@@ -130,6 +130,11 @@ def optimize(
     return best_bandwidth(machine, workspace, requirements, options, damping)
 
 
+def only_sizes(vary: Sequence[str], objective: str, damping: float | None = None) -> bool:
+    """Whether ``size_cylinders`` answers: sizes alone vary, for a frequency."""
+    return tuple(vary) == ("areas",) and objective in OBJECTIVES and damping is None
+
+
 def best_bandwidth(
     machine: Machine,
     workspace: Workspace | None,
@@ -159,7 +164,7 @@ def best_bandwidth(
     look = _Bandwidths.of(machine, workspace, damping)
     within = (machine, workspace, requirements)
     design = best_frequency(*within, bands=Bands(), objective="worst", **options)
-    best, reached = design, [look.least(machine), look.least(design.machine)]
+    best, reached = design, [least_bandwidth(look.today, look.today), look.least(design.machine)]
     for _ in range(RENEWALS):
         near = {**options, "start": design, "starts": 1}
         design = best_frequency(*within, bands=Bands(), objective=look.emphasis(design), **near)

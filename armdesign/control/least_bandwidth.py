@@ -6,16 +6,14 @@ scheme ``damped`` of ``bandwidth_map``: it needs no search, so that machines are
 
 from __future__ import annotations
 
-import math
 from typing import TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.control.bandwidth_map import ControlOptions
-from armdesign.control.loop_plant import loop_plant, workable
-from armdesign.control.loops import Loops
-from armdesign.control.tuning import Task, damped, proportional
+from armdesign.control.loop_plant import workable
+from armdesign.control.pose_bandwidth import common_gains
 from armdesign.errors import PoseError
 from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.workspace import Workspace
@@ -58,16 +56,13 @@ def bandwidths(
 
 
 def _of_case(case: CasePoses, damping: float | None) -> tuple[Array, Array]:
-    poses, options = case.evaluate(), ControlOptions()
+    poses, options = case.evaluate(), ControlOptions(damping=damping)
     width, ratio = np.full((2, len(case.exists)), np.nan)
     works = np.flatnonzero(workable(case.machine, poses)) if len(poses) else np.zeros(0, dtype=int)
     if len(works):
-        plant = loop_plant(case.machine, poses[works], damping)
-        task = Task(plant, Loops.of(plant), options.aim)
-        tuned = damped(task).or_wider(proportional(task))
-        at = case.indices[works]
-        width[at] = tuned.figures.bandwidth.min(axis=1) / (2 * math.pi)
-        ratio[at] = width[at] / plant.frequencies[:, 0]
+        reached, at = common_gains(case.machine, poses[works], options), case.indices[works]
+        width[at] = reached.damped
+        ratio[at] = width[at] / reached.plant.frequencies[:, 0]
     return width, ratio
 
 

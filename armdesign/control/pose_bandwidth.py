@@ -1,14 +1,19 @@
-"""Bandwidth of position loops at single poses, for what asks at one pose after the other."""
+"""Bandwidths of position loops with gains common to all joints, which need no search.
+
+For what asks of one machine after the other: at one pose, or at many at once.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from armdesign.arrays import Array
 from armdesign.control.bandwidth_map import ControlOptions
-from armdesign.control.loop_plant import loop_plant, workable
+from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
 from armdesign.control.loops import Loops
 from armdesign.control.tuning import Task, damped, proportional
 from armdesign.errors import PoseError
@@ -31,6 +36,34 @@ class PoseBandwidth:
     damped: float
 
 
+class CommonGains(NamedTuple):
+    """Bandwidths of the narrowest loop at n poses, with gains common to all joints.
+
+    Attributes:
+        plant: what the loops act on.
+        proportional: by position gains alone (n,) [Hz].
+        damped: with feedback of the load pressures (n,) [Hz].
+    """
+
+    plant: LoopPlant
+    proportional: Array
+    damped: Array
+
+
+def common_gains(machine: Machine, poses: Poses, options: ControlOptions) -> CommonGains:
+    """Bandwidths at poses at which the machine can work, see ``workable``.
+
+    Raises:
+        ArmDesignError: no valve, no damping on which a bandwidth could rest, or no margin kept.
+    """
+    plant = loop_plant(machine, poses, options.damping, options.delay)
+    task = Task(plant, Loops.of(plant), options.aim)
+    simple = proportional(task)
+    tuned = (simple, damped(task).or_wider(simple))
+    widths = (each.figures.narrowest / (2 * math.pi) for each in tuned)
+    return CommonGains(plant, *widths)
+
+
 def pose_bandwidth(
     machine: Machine, poses: Poses, options: ControlOptions | None = None
 ) -> PoseBandwidth:
@@ -47,13 +80,9 @@ def pose_bandwidth(
     if not workable(machine, one)[0]:
         fault = "valves cannot move all loads both ways"
         raise PoseError(f"{machine.name}: control", fault, "choose another pose or load")
-    plant = loop_plant(machine, one, options.damping, options.delay)
-    task = Task(plant, Loops.of(plant), options.aim)
-    simple = proportional(task)
-    widths = [
-        float(tuned.figures.bandwidth.min()) / (2 * math.pi)
-        for tuned in (simple, damped(task).or_wider(simple))
-    ]
+    reached = common_gains(machine, one, options)
     return PoseBandwidth(
-        damping=float(plant.damping[0, 0]), proportional=widths[0], damped=widths[1]
+        damping=float(reached.plant.damping[0, 0]),
+        proportional=float(reached.proportional[0]),
+        damped=float(reached.damped[0]),
     )

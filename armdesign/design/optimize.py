@@ -25,17 +25,17 @@ from armdesign.machine.machine import Machine
 
 def best_frequency(
     machine: Machine,
-    workspace: Workspace | None = None,
-    requirements: Requirements | None = None,
-    vary: Sequence[str] = ("areas", "pins"),
+    workspace: Workspace | None,
+    requirements: Requirements | None,
+    vary: Sequence[str],
     *,
-    starts: int | None = None,
-    seed: int = 0,
-    workers: int = 1,
-    start: Design | None = None,
-    bands: Bands | None = None,
-    objective: str | Emphasis = "gain",
-    catalogue: str | Iterable[Sequence[float]] | None = None,
+    starts: int | None,
+    seed: int,
+    workers: int,
+    start: Design | None,
+    bands: Bands | None,
+    objective: str | Emphasis,
+    catalogue: str | Iterable[Sequence[float]] | None,
 ) -> Design:
     """The design of the highest lowest frequency, as ``optimize`` has it.
 

@@ -34,9 +34,9 @@ def design(
 ) -> Numbers:
     """Worst frequency today and of the best machine [Hz], its gains, and every changed number."""
     from armdesign.design.optimize import size_cylinders
-    from armdesign.optimization import optimize
+    from armdesign.optimization import only_sizes, optimize
 
-    if tuple(vary) == ("areas",) and objective != "bandwidth" and damping is None:
+    if only_sizes(vary, objective, damping):
         best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)
     else:
         best = optimize(
