@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armdesign import __version__, output
+from armdesign import __version__, output, output_reports
 from armdesign.cli_control import control
 from armdesign.cli_draw import draw
 from armdesign.cli_export import export
@@ -99,7 +99,7 @@ def map_command(run: OverWorkspace) -> None:
         output.write_heatmaps(frequencies, folder)
         output.write_lift_charts(lift_charts({model.name: model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
-        output.write_map_report(frequencies, sheets, run.origin(), folder, run.units.units)
+        output_reports.write_map_report(frequencies, sheets, run.origin(), folder, run.units.units)
     run.show(sheets, lambda: of_map(frequencies))
 
 
@@ -150,7 +150,9 @@ def validate(run: OverWorkspace) -> None:
     frequency responses and report.html.
     """
     from armdesign import plots
-    from armdesign.report.validations import validation_sheet, verdict
+    from armdesign.drawing.colours import actuator_colours
+    from armdesign.report.contents import Picture
+    from armdesign.report.validations import validation_chart, validation_sheet, verdict
     from armdesign.simulation import validation
     from armdesign.sweeps.numbers import of_validation
 
@@ -160,14 +162,18 @@ def validate(run: OverWorkspace) -> None:
         answer = validation.validate(model, workspace=workspace)
         validations = answer.by_pose
     items: list[Any] = [validation_sheet(validations), f"{verdict(list(validations.values()))}."]
-    captions = {"frequency_responses.png": "Sweeps of the limiting cylinder at each pose"}
+    charts = {"deviations.png": validation_chart(answer, actuator_colours(model))}
+    caption = "Sweeps of the limiting cylinder at each pose"
+    responses = Picture(caption=caption, file="frequency_responses.png")
     title = f"{model.section.title or model.name}: nonlinear against linear frequencies"
     provenance = run.origin().sheet({"": model})
     with run.writing(out) as folder:
         output.write_validations(validations, folder)
-        plots.save(plots.frequency_responses(validations), folder / "frequency_responses.png")
+        plots.save(plots.frequency_responses(validations), folder / responses.file)
         drawn = model, validations["worst"].sweeps[0].q
-        output.write_plain_report(title, items, captions, drawn, provenance, folder)
+        output_reports.write_plain_report(
+            title, items, [responses], charts, drawn, provenance, folder
+        )
     tables = {"validation": answer.frame}
     run.show(items, lambda: of_validation(answer), tables)
 
@@ -201,7 +207,9 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
         say("writing the report")
         sheets = design_sheets(answer, run.units.units)
         with run.writing(out) as folder:
-            output.write_report(answer, proofs, run.origin(search), folder, run.units.units)
+            output_reports.write_report(
+                answer, proofs, run.origin(search), folder, run.units.units
+            )
     shown: list[Any] = [*sheets, limiting_sheet(proofs), summary(answer)]
     run.show(shown, lambda: {**of_validation(proofs["new"]), **of_design(answer)})
 
@@ -339,7 +347,8 @@ def paper(run: Run) -> None:
     from armdesign.paper import reproduction
     from armdesign.paper.configurations import FORMULAS
     from armdesign.paper.errata import errata, errata_frame, scan
-    from armdesign.paper.sheets import paper_sheets
+    from armdesign.paper.sheets import PAIRS, paper_chart, paper_sentence, paper_sheets
+    from armdesign.report.contents import Picture
     from armdesign.simulation.identification.sweep_bias import sweep_bias
 
     out = run.folder()
@@ -347,12 +356,11 @@ def paper(run: Run) -> None:
     with run.progress("sweeping 40 configurations"):
         reproduced = reproduction.reproduce()
         listed_errata, scanned, bias = errata(reproduced.mechanism), scan(), sweep_bias()
-    pictures = {"3_4": "static_11", "5_6": "joint_42_as_printed", "5_6_exact": "joint_exact"}
-    captions = {
-        f"paper_figures_{name}.png": f"Frequencies of the sweeps beside {FORMULAS[formula]}"
-        for name, formula in pictures.items()
-    }
-    sheets = paper_sheets(reproduced, listed_errata, scanned, bias)
+    caption = "Frequencies of the sweeps beside"
+    pictures = [Picture(caption=f"{caption} {FORMULAS[of]}", file=f) for f, of in PAIRS.items()]
+    sheets: list[Any] = paper_sheets(reproduced, listed_errata, scanned, bias)
+    sheets.append(paper_sentence(reproduced))
+    charts = {"paper_by_mass.png": paper_chart(reproduced)}
     title = "The source paper's 40 configurations, simulated"
     with run.writing(out) as folder:
         write_csv(reproduced.frame, folder / "paper.csv")
@@ -360,11 +368,13 @@ def paper(run: Run) -> None:
         write_csv(errata_frame(listed_errata), folder / "paper_errata.csv")
         write_csv(scanned, folder / "paper_scan.csv")
         write_csv(bias, folder / "paper_sweep_bias.csv")
-        for name, formula in pictures.items():
-            plots.save(reproduced.plot(formula), folder / f"paper_figures_{name}.png")
+        for file, formula in PAIRS.items():
+            plots.save(reproduced.plot(formula), folder / file)
         provenance = run.origin().sheet({"": reproduced.machine})
         drawn = reproduced.machine, None
-        output.write_plain_report(title, sheets, captions, drawn, provenance, folder)
+        output_reports.write_plain_report(
+            title, sheets, pictures, charts, drawn, provenance, folder
+        )
     errors = reproduced.errors.reset_index()
     run.show(sheets, tables={"paper": reproduced.frame, "paper_errors": errors})
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from armdesign.option_values import grid_points
 from armdesign.options import (
     CornerOption,
@@ -14,7 +12,7 @@ from armdesign.options import (
     NewOption,
     PhaseMarginOption,
 )
-from armdesign.output import write_control_report
+from armdesign.output_reports import write_control_report
 from armdesign.runs import OverWorkspace, command
 
 
@@ -61,10 +59,12 @@ def control(
                 filter=filter,  # type: ignore[arg-type]
                 corner=2 * math.pi * corner or None,
             )
-    sheets: list[Any] = [*bandwidth_sheets(maps, run.units.units), bandwidth_sentence(maps)]
+    sheets = bandwidth_sheets(maps, run.units.units)
     margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}
     loops = {"damping": damping, "delay": delay, "filter": filter, "corner": corner}
     origin = run.origin(new=new, **loops, **margins)
     with run.writing(out) as folder:
-        write_control_report(maps, sheets, origin, folder)
-    run.show(sheets, lambda: of_bandwidths(maps.get("new") or maps[""]))
+        write_control_report(maps, sheets, origin, folder, run.units.units)
+    run.show(
+        [*sheets, bandwidth_sentence(maps)], lambda: of_bandwidths(maps.get("new") or maps[""])
+    )

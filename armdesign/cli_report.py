@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armdesign.options import FolderArgument
-from armdesign.output import write_page
+from armdesign.output_reports import write_page
 from armdesign.runs import Shown, command
 
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
 
-    from armdesign.arrays import Array
     from armdesign.calibration.calibrate import Calibration
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
@@ -30,12 +29,9 @@ if TYPE_CHECKING:
     from armdesign.machine.lift_chart import LiftChart
     from armdesign.machine.machine import Machine
     from armdesign.motion.move import Move
-    from armdesign.report.contents import Report
-    from armdesign.report.provenance import Origin
     from armdesign.report.sheet import Sheet
     from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
-    from armdesign.units import Units
 
 UNBOUNDED = 10_000  # columns, where the output is no terminal
 stops: list[KeyboardInterrupt] = []  # Ctrl-C, of which typer tells nothing
@@ -200,109 +196,6 @@ def write_move(move: Move, folder: Path) -> None:
     write_csv(pd.DataFrame(impulses), folder / "shaper.csv")
     plots.save(move.plot(), folder / "move.png")
     plots.save(plots.shaper_figure(move), folder / "shaper.png")
-
-
-def write_page(report: Report, folder: Path, pictures: Path | None = None) -> None:
-    """Write a report as page and as data, from which the page can be written again.
-
-    ``pictures``: where they are; None: in the folder.
-    """
-    from armdesign.report.contents import FILE, PAGE
-    from armdesign.report.page import page
-
-    (folder / FILE).write_text(report.text(), encoding="utf-8")
-    (folder / PAGE).write_text(page(report, pictures or folder), encoding="utf-8")
-
-
-def write_map_report(
-    frequencies: FrequencyMap, sheets: Sequence[Sheet], origin: Origin, folder: Path, units: Units
-) -> None:
-    """Write the report of a map with the pictures that are in the folder."""
-    from armdesign.report.contents import Picture
-    from armdesign.report.map_reports import map_report
-
-    captions = {
-        "map_joints.png": "Lowest natural frequency over joints",
-        "map_reach.png": "Lowest natural frequency by place of the tool",
-        "map_holding.png": "Largest static pressure over the supply's",
-        "lift_chart.png": "Lift chart (ISO 10567)",
-        "moment_arms.png": "Moment arms and torques over the joint ranges",
-    }
-    pictures = [
-        Picture(caption=caption, file=file)
-        for file, caption in captions.items()
-        if (folder / file).exists()
-    ]
-    provenance = origin.sheet({"": frequencies.machine})
-    write_page(map_report(frequencies, sheets, pictures, provenance, units), folder)
-
-
-def write_plain_report(
-    title: str,
-    items: Sequence[Sheet | str],
-    captions: Mapping[str, str],
-    drawn: tuple[Machine, Array | None],
-    provenance: Sheet,
-    folder: Path,
-) -> None:
-    """Write the report of a command that tells tables and pictures, by their files' captions.
-
-    Its lead is the first sentence among the items. A machine is drawn at a pose; None: with its
-    joints in the middle.
-    """
-    from armdesign import plots
-    from armdesign.report.contents import Picture
-    from armdesign.report.map_reports import plain_report
-
-    lead = next((item for item in items if isinstance(item, str)), "")
-    pictures = [Picture(caption=words, file=file) for file, words in captions.items()]
-    tables = [item for item in items if item is not lead]
-    sections: dict[str, tuple[list[Sheet | str], list[Picture]]]
-    plots.save(plots.machine_drawing(*drawn).figure, folder / "machine.png")
-    machine = Picture(caption="The machine to scale, with its pins", file="machine.png")
-    sections = {
-        "Results": (tables, pictures),
-        "The machine": ([], [machine]),
-        "Provenance": ([provenance], []),
-    }
-    write_page(plain_report(title, lead, sections), folder)
-
-
-def write_control_report(
-    maps: Mapping[str, BandwidthMap], items: Sequence[Sheet | str], origin: Origin, folder: Path
-) -> None:
-    """Write bandwidths of machines by label, with their report."""
-    captions = {}
-    for label, bandwidths in maps.items():
-        suffix = f"_{label}" if label else ""
-        write_bandwidths(bandwidths, folder, suffix)
-        caption = f"Bandwidth of the narrowest loop {label}".strip()
-        captions[f"bandwidth{suffix}.png"] = caption
-    first = next(iter(maps.values())).machine
-    title = f"{first.section.title or first.name}: bandwidth of position loops"
-    provenance = origin.sheet({label: one.machine for label, one in maps.items()})
-    write_plain_report(title, items, captions, (first, None), provenance, folder)
-
-
-def write_report(
-    design: Design, proofs: dict[str, Validation], origin: Origin, folder: Path, units: Units
-) -> None:
-    """Everything that ``armdesign design`` leaves behind, report.html among it.
-
-    ``proofs`` are nonlinear runs of today's and the new machine.
-    """
-    from armdesign import plots
-    from armdesign.report.contents import Picture
-    from armdesign.report.design_report import design_report
-
-    written = write_design(design, folder)
-    write_validations(proofs, folder, "version")
-    at_worst = {label: proof.by_pose["worst"] for label, proof in proofs.items()}
-    responses = plots.frequency_responses(at_worst)
-    caption = "Nonlinear simulation: a small slow sweep at the worst pose of each machine"
-    written.append((caption, plots.save(responses, folder / "frequency_responses.png")))
-    pictures = [Picture(caption=words, file=path.name) for words, path in written]
-    write_page(design_report(design, proofs, pictures, origin, units), folder)
 
 
 def command_line() -> str:

@@ -35,6 +35,7 @@ ROOMS = (
     *("control", "optimization", "motion"),
     *("drawing", "exchange", "plots", "viewing", "report", "paper", "influence", "sweeps"),
     *("output", "options", "option_values", "json_document", "runs"),
+    "output_reports",
     *(
         "cli_control",
         "cli_draw",

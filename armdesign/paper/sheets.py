@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.paper.configurations import FORMULAS, PUBLISHED
 from armdesign.plots.canvas import COMPUTED, MARK, figure, literal
+from armdesign.plots.charts import Chart, Curve
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP
 
@@ -174,6 +175,11 @@ def _paper_near(scan: pd.DataFrame, title: str, target: float) -> Sheet:
     )
 
 
+PAIRS = {  # formulas of the paper's pairs of figures, by file
+    "paper_figures_3_4.png": "static_11",
+    "paper_figures_5_6.png": "joint_42_as_printed",
+    "paper_figures_5_6_exact.png": "joint_exact",
+}
 BIASES = {
     "speed_peak": "peak of speed",
     "position_peak": "peak of position",
@@ -186,6 +192,51 @@ SCANNED = {
     "reflected_12": "J/r²",
     "joint_42_as_printed": "(42)",
 }
+
+
+def paper_chart(reproduction: Reproduction) -> Chart:
+    """Exact and measured frequencies against the load mass, a curve for each link length."""
+    at, exact = reproduction.mechanism, reproduction.computed["joint_exact"]
+    measured: tuple[tuple[str, Array, Literal["dots", "rings"]], ...] = (
+        ("identified in the sweep", reproduction.swept, "dots"),
+        ("identified at small amplitude", reproduction.identified, "rings"),
+    )
+    curves = []
+    for length in np.unique(at.link_length):
+        rows = np.flatnonzero(at.link_length == length)
+        x = tuple(at.load_mass[rows].tolist())
+        name, y = "computed, exact", tuple(exact[rows].tolist())
+        curves.append(Curve(name=name, colour=COMPUTED, x=x, y=y, kind="line"))
+        words = tuple(_at(reproduction, int(k)) for k in rows)
+        for name, values, kind in measured:
+            y = tuple(values[rows].tolist())
+            curves.append(Curve(name=name, colour=MARK, x=x, y=y, kind=kind, words=words))
+    return Chart(
+        title="Frequency against the load mass, a curve for each link length",
+        x="load mass m2 [kg]",
+        y="frequency [Hz]",
+        heads=("load, link", "in the sweep", "at small amplitude", *FORMULAS.values()),
+        curves=tuple(curves),
+    )
+
+
+def paper_sentence(reproduction: Reproduction) -> str:
+    """Sentence on how far the paper's formula and the exact one are from what was measured."""
+    errors = reproduction.errors
+    paper, exact = (errors.loc[name] for name in ("static_11", "joint_exact"))
+    return (
+        f"Formula (11) is {paper['swept']:.3g} rad/s (root mean square) from the peaks of the"
+        f" sweeps, the exact formula {exact['swept']:.3g} rad/s; from frequencies fitted at small"
+        f" amplitude {paper['identified']:.3g} and {exact['identified']:.3g} rad/s."
+    )
+
+
+def _at(reproduction: Reproduction, row: int) -> tuple[str, ...]:
+    """What the chart says of a configuration."""
+    at = reproduction.mechanism
+    values = (reproduction.swept, reproduction.identified, *reproduction.computed.values())
+    place = f"m2 {at.load_mass[row]:g} kg, l2 {at.link_length[row]:g} m"
+    return (place, *(f"{one[row]:.3f} Hz" for one in values))
 
 
 @literal

@@ -3,6 +3,7 @@
 from armdesign.plots.bandwidths import bandwidth_map, bandwidth_maps, gain_schedule
 from armdesign.plots.calibrations import calibration_figure
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, save, title_of
+from armdesign.plots.charts import chart_figure
 from armdesign.plots.designs import (
     before_after,
     design_steps,
@@ -50,6 +51,7 @@ __all__ = [
     "bandwidth_maps",
     "before_after",
     "calibration_figure",
+    "chart_figure",
     "corners_of_bands",
     "design_steps",
     "distribution",

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError, printable
+from armdesign.plots.charts import Chart
 from armdesign.report.scene import MapScene
 from armdesign.report.sheet import Sheet
 
@@ -47,7 +48,8 @@ class ReportSection:
         sheets: its tables.
         pictures: its pictures.
         shows: "drawing" or "maps" of the scene; "" for none. On paper, and without scripts, the
-            pictures stand in place of interactive maps.
+            pictures stand in place of interactive maps and charts.
+        charts: its interactive charts.
     """
 
     title: str
@@ -55,6 +57,7 @@ class ReportSection:
     sheets: tuple[Sheet, ...] = ()
     pictures: tuple[Picture, ...] = ()
     shows: str = ""
+    charts: tuple[Chart, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,6 @@
-"""Interactive maps of the page: empty figures that its script fills. The only door to bokeh.
+"""Interactive maps and charts of the page. The only door to bokeh.
+
+Maps are empty figures that the page's script fills; charts have their points.
 
 Bokeh is a library whose output needs nothing but itself; the page carries its smallest bundle. The
 figures are the documents that this bundle reads, as data: bokeh's Python writes the same, and
@@ -8,7 +10,7 @@ loading it would take as long as the map itself.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Sequence
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
@@ -18,20 +20,33 @@ import numpy as np
 
 from armdesign.errors import ArmDesignError
 from armdesign.plots.canvas import MARK, colours_between
-from armdesign.report.scene import CellAxis, MapScene
+from armdesign.plots.charts import Chart, Curve
+from armdesign.report.scene import BANDWIDTH, FREQUENCY, CellAxis, MapScene
 
-TOOLTIPS = [
-    ("frequency", "@words"),
-    ("pose", "@pose"),
-    ("load case", "@load"),
-    ("limited by", "@part"),
-    ("all poses of the cell", "@spread"),
-]
-COLUMNS = ("x", "y", "width", "height", "value", "words", "pose", "load", "part", "spread")
+TOOLTIPS = {
+    FREQUENCY: [
+        ("frequency", "@words"),
+        ("pose", "@pose"),
+        ("load case", "@load"),
+        ("limited by", "@part"),
+        ("all poses of the cell", "@spread"),
+    ],
+    BANDWIDTH: [
+        ("bandwidth", "@words"),
+        ("pose", "@pose"),
+        ("load case", "@load"),
+        ("narrowest loop", "@part"),
+        ("lowest frequency", "@frequency"),
+        ("other controllers", "@others"),
+        ("all poses of the cell", "@spread"),
+    ],
+}
+PLACED = ("x", "y", "width", "height", "value")
+COLUMNS = (*PLACED, "words", "pose", "load", "part", "spread", "frequency", "others")
 LIBRARY = "server/static/js/bokeh.min.js"
 SCRIPT = """{
   const documents = %s;
-  documents.maps.version = Bokeh.version;
+  documents.figures.version = Bokeh.version;
   Bokeh.embed.embed_items(documents, %s);
 }"""
 PLACE = '<div id="{place}" data-root-id="{figure}" style="display: contents"></div>'
@@ -45,31 +60,43 @@ class Interactive(NamedTuple):
     library: str
     script: str
     places: tuple[str, ...]
+    charts: dict[Chart, str]
 
 
-def interactive(scene: MapScene) -> Interactive:
-    """A figure for each machine of a scene, ``map-0`` …, with its sources, filled by a script.
+def interactive(scene: MapScene | None, charts: Sequence[Chart] = ()) -> Interactive:
+    """A figure for each machine of a scene, ``map-0`` …, filled by a script, and for each chart.
 
     Raises:
         ArmDesignError: bokeh is not installed as a folder.
     """
-    figures = document(scene)
+    figures = document(scene, charts)
     places = {figure["id"]: f"place-of-{figure['id']}" for figure in figures["roots"]}
-    items = [{"docid": "maps", "roots": places, "root_ids": list(places)}]
-    texts = (json.dumps(data, separators=(",", ":")) for data in ({"maps": figures}, items))
+    items = [{"docid": "figures", "roots": places, "root_ids": list(places)}]
+    texts = (json.dumps(data, separators=(",", ":")) for data in ({"figures": figures}, items))
     script = SCRIPT % tuple(text.replace("<", "\\u003c") for text in texts)
-    style = 'style="display: contents"'
-    divisions = [
-        f'<div id="{place}" data-root-id="{i}" {style}></div>' for i, place in places.items()
-    ]
-    return Interactive(_library(), script, tuple(divisions))
+    divisions = [PLACE.format(place=place, figure=i) for i, place in places.items()]
+    of_maps = len(divisions) - len(charts)
+    of_charts = dict(zip(charts, divisions[of_maps:], strict=True))
+    return Interactive(_library(), script, tuple(divisions[:of_maps]), of_charts)
 
 
-def document(scene: MapScene) -> dict[str, Any]:
-    """All figures of a scene as a document of bokeh, without its version."""
-    numbers = count()
-    figures = [_figure(scene, index, numbers) for index in range(len(scene.machines))]
-    return {"title": "maps", "roots": figures}
+def document(scene: MapScene | None, charts: Sequence[Chart] = ()) -> dict[str, Any]:
+    """All figures of a page as a document of bokeh, without its version."""
+    model = _Models()
+    indices = range(len(scene.machines) if scene else 0)
+    maps = [_map(model, scene, index) for index in indices if scene]
+    return {"title": "figures", "roots": [*maps, *(_chart(model, one) for one in charts)]}
+
+
+class _Models:
+    """Models of bokeh, each with a number."""
+
+    def __init__(self) -> None:
+        self._numbers = count()
+
+    def __call__(self, kind: str, **attributes: Any) -> Model:
+        number = f"p{next(self._numbers)}"
+        return {"type": "object", "name": kind, "id": number, "attributes": attributes}
 
 
 def _library() -> str:
@@ -83,47 +110,106 @@ def _library() -> str:
         raise ArmDesignError("bokeh", fault, "install bokeh again") from None
 
 
-def _figure(scene: MapScene, index: int, numbers: Iterator[int]) -> Model:
-    def model(kind: str, **attributes: Any) -> Model:
-        return {
-            "type": "object",
-            "name": kind,
-            "id": f"p{next(numbers)}",
-            "attributes": attributes,
-        }
-
-    def axis(label: str) -> Model:
-        return model("LinearAxis", axis_label=label)
-
-    def grid(dimension: int, of: Model) -> Model:
-        return model("Grid", visible=False, dimension=dimension, axis={"id": of["id"]})
-
+def _map(model: _Models, scene: MapScene, index: int) -> Model:
+    """The map of one machine of a scene."""
     x, y = scene.planes[0].x, scene.planes[0].y
     cells, marks = _cells(model, index, bars=y is not None), _marks(model, index)
-    hover = model("HoverTool", renderers=[{"id": cells["id"]}], tooltips=TOOLTIPS)
-    tools = [model(f"{kind}Tool") for kind in ("Tap", "Reset", "Pan", "BoxZoom")]
-    below, left = axis(_label(x)), axis(_label(y) if y else "frequency [Hz]")
-    return model(
-        "Figure",
+    labels = _label(x), _label(y) if y else scene.quantity
+    hover = model("HoverTool", renderers=[_same(cells)], tooltips=TOOLTIPS[scene.quantity])
+    return _figure(
+        model,
+        labels,
+        [model("TapTool"), hover],
         name=f"map-{index}",
-        height=360,
-        sizing_mode="stretch_width",
         x_range=model("Range1d", **_ends(x)),
         y_range=model("Range1d", **(_ends(y) if y else {"start": 0, "end": 1})),
         title=model("Title", text=scene.machines[index].label),
         renderers=[cells, marks],
-        toolbar=model("Toolbar", tools=[*tools, hover], logo=None),
+    )
+
+
+def _chart(model: _Models, chart: Chart) -> Model:
+    """Points and curves with their words and a legend."""
+    renderers = [_curve(model, curve) for curve in chart.curves]
+    asked = [r for r, curve in zip(renderers, chart.curves, strict=True) if curve.words]
+    words = [(head, f"@words_{k}") for k, head in enumerate(chart.heads)]
+    hover = model("HoverTool", renderers=[_same(one) for one in asked], tooltips=words)
+    entries: dict[str, list[Model]] = {}
+    for curve, renderer in zip(chart.curves, renderers, strict=True):
+        entries.setdefault(curve.name, []).append(_same(renderer))
+    items = [model("LegendItem", label=_value(name), renderers=of) for name, of in entries.items()]
+    legend = model(
+        "Legend",
+        items=items,
+        location="left",
+        click_policy="hide",
+        background_fill_color=None,
+        border_line_color=None,
+    )
+    return _figure(
+        model,
+        (chart.x, chart.y),
+        [hover],
+        legend,
+        x_range=model("DataRange1d"),
+        y_range=model("DataRange1d"),
+        title=model("Title"),
+        renderers=renderers,
+    )
+
+
+def _curve(model: _Models, curve: Curve) -> Model:
+    columns = {"x": curve.x, "y": curve.y}
+    columns |= {f"words_{k}": texts for k, texts in enumerate(zip(*curve.words, strict=True))}
+    entries = [[name, list(values)] for name, values in columns.items()]
+    source = model("ColumnDataSource", data={"type": "map", "entries": entries})
+    colour, places = curve.colour, {"x": _field("x"), "y": _field("y")}
+    if curve.kind == "line":
+        glyph = model("Line", **places, line_color=colour, line_width=1.5)
+    else:
+        rings = curve.kind == "rings"
+        filled = None if rings else colour
+        style = {"size": 13 if rings else 8, "line_color": colour, "fill_color": filled}
+        glyph = model("Scatter", **places, **{key: _value(one) for key, one in style.items()})
+    return model("GlyphRenderer", data_source=source, glyph=glyph)
+
+
+def _figure(
+    model: _Models,
+    labels: tuple[str, str],
+    tools: list[Model],
+    legend: Model | None = None,
+    **attributes: Any,
+) -> Model:
+    """A figure with axes, tools and perhaps a legend; a chart's grid shows, a map's does not."""
+    below, left = (model("LinearAxis", axis_label=label) for label in labels)
+    shown = {"visible": legend is not None}
+    grids = [
+        model("Grid", dimension=k, axis=_same(of), **shown) for k, of in enumerate((below, left))
+    ]
+    tools = [*(model(f"{kind}Tool") for kind in ("Reset", "Pan", "BoxZoom")), *tools]
+    return model(
+        "Figure",
+        **attributes,  # first: what others refer to
+        height=360 if legend is None else 460,
+        sizing_mode="stretch_width",
+        toolbar=model("Toolbar", tools=tools, logo=None),
         toolbar_location="below",
         left=[left],
-        below=[below],
-        center=[grid(0, below), grid(1, left)],
+        below=[below, *([legend] if legend else [])],
+        center=grids,
         background_fill_color=None,
         border_fill_color=None,
         min_border_left=66,
     )
 
 
-def _cells(model: Any, index: int, *, bars: bool) -> Model:
+def _same(model: Model) -> Model:
+    """A reference to a model that stands elsewhere."""
+    return {"id": model["id"]}
+
+
+def _cells(model: _Models, index: int, *, bars: bool) -> Model:
     """Cells of a map, coloured by their values; a point for each where there is one joint."""
     scale = np.round(255 * colours_between(np.arange(256), 0, 255)).astype(int)
     palette = [f"#{red:02X}{green:02X}{blue:02X}" for red, green, blue in scale]
@@ -146,7 +232,7 @@ def _cells(model: Any, index: int, *, bars: bool) -> Model:
     )
 
 
-def _marks(model: Any, index: int) -> Model:
+def _marks(model: _Models, index: int) -> Model:
     """The ring about the picked cell."""
     ring = {"line_color": _value(MARK), "line_width": _value(2.5), "fill_color": _value(None)}
     places = {"x": _field("x"), "y": _field("y"), "size": _value(15)}
@@ -154,7 +240,7 @@ def _marks(model: Any, index: int) -> Model:
     return model("GlyphRenderer", data_source=source, glyph=model("Scatter", **places, **ring))
 
 
-def _source(model: Any, name: str, columns: tuple[str, ...], **more: Model) -> Model:
+def _source(model: _Models, name: str, columns: tuple[str, ...], **more: Model) -> Model:
     data = {"type": "map", "entries": [[column, []] for column in columns]}
     return model("ColumnDataSource", name=name, data=data, **more)
 

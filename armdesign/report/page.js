@@ -1,4 +1,4 @@
-// Sorting of tables, light and dark, and the scene: maps of bokeh, and a machine in its pose.
+// Sorting of tables, light and dark, figures of bokeh, and the scene: maps, a machine in its pose.
 "use strict";
 (() => {
   const $ = (id) => document.getElementById(id);
@@ -50,8 +50,42 @@
   });
   system.addEventListener("change", themed);
 
+  // ----------------------------------------------------------------------------- figures
+  const awaited = document.querySelectorAll("[data-root-id]").length;
+  const figures = () => (window.Bokeh ? Bokeh.documents.flatMap((one) => one.roots()) : []);
+  const recolour = () => {
+    const style = getComputedStyle(root), ink = style.getPropertyValue("--ink").trim();
+    const line = style.getPropertyValue("--strong").trim();
+    for (const one of figures()) {
+      one.title.text_color = ink;
+      one.outline_line_color = line;
+      for (const part of [...one.below, ...one.left]) {
+        if (part.type === "Legend") {
+          part.label_text_color = ink;
+          continue;
+        }
+        part.axis_label_text_color = part.major_label_text_color = ink;
+        part.axis_line_color = part.major_tick_line_color = part.minor_tick_line_color = line;
+      }
+      for (const grid of one.center) grid.grid_line_color = style.getPropertyValue("--line").trim();
+    }
+  };
+  const whenDrawn = (fill) => {
+    if (figures().length < awaited) {
+      setTimeout(() => whenDrawn(fill), 30);
+      return;
+    }
+    onTheme.push(recolour);
+    recolour();
+    fill();
+    root.dataset.ready = "figures";
+  };
+
   const holder = $("scene");
-  if (!holder) return;
+  if (!holder) {
+    if (awaited) whenDrawn(() => {});
+    return;
+  }
 
   // ------------------------------------------------------------------------------- scene
   const scene = JSON.parse(holder.textContent);
@@ -72,7 +106,9 @@
     positions: table(one.positions),
     placements: table(one.placements),
     swings: table(one.swings),
+    loops: one.loops && table(one.loops),
   }));
+  const narrowest = (one, pose) => scene.joints[Math.round(one.loops[pose].at(-1))][0];
   const limiting = (one, pose, mode = 0) => one.parts[one.poses[pose][1 + mode]];
   const frequency = (one, pose, mode = 0) => one.positions[pose][scene.joints.length + mode];
   const load = (one, pose) => scene.cases[one.poses[pose][0] - 1];
@@ -185,7 +221,8 @@
     outline(svg, one, rest, { width });
     arrows(svg, one, rest, width);
     outline(svg, one, placed(one, state.pose, state.phase), { name: "swung", width: 1.3 * width, dashes: 3 * width });
-    $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${load(one, state.pose)}: `
+    const loops = one.loops ? `bandwidth ${one.loops[state.pose][0].toFixed(3)} Hz, narrowest loop ${narrowest(one, state.pose)}; natural frequency ` : "";
+    $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${load(one, state.pose)}: ${loops}`
       + `${frequency(one, state.pose, state.mode).toFixed(3)} Hz, limited by ${limiting(one, state.pose, state.mode)}; dashed red: ${modeWords(state.mode)}, `
       + `${(1e3 * one.swing).toFixed(0)} mm at the tool${machines.length > 1 && state.machine ? `; dashed blue: ${machines[0].label}` : ""}`;
   };
@@ -240,7 +277,7 @@
   };
   const columns = (one, rows, plane, statistic) => {
     const { x, y } = plane, count = y ? y.middles.length : 1;
-    const data = { x: [], y: [], width: [], height: [], value: [], words: [], pose: [], load: [], part: [], spread: [] };
+    const data = { x: [], y: [], width: [], height: [], value: [], words: [], pose: [], load: [], part: [], spread: [], frequency: [], others: [] };
     for (const row of rows) {
       const [, , cell, pose] = one.cells[row], [worst, low, middle] = one.frequencies[row];
       data.x.push(x.middles[Math.floor(cell / count)]);
@@ -248,10 +285,13 @@
       data.y.push(y ? y.middles[cell % count] : data.value.at(-1));
       data.width.push(x.width);
       data.height.push(y ? y.width : 0);
-      data.words.push(`${frequency(one, pose).toFixed(3)} Hz, the worst of the cell`);
+      const hertz = frequency(one, pose), loops = one.loops && one.loops[pose];
+      data.words.push(`${(loops ? loops[0] : hertz).toFixed(3)} Hz, the worst of the cell`);
       data.pose.push(poseWords(one, pose));
       data.load.push(load(one, pose));
-      data.part.push(limiting(one, pose));
+      data.part.push(loops ? narrowest(one, pose) : limiting(one, pose));
+      data.frequency.push(`${hertz.toFixed(3)} Hz, limited by ${limiting(one, pose)}`);
+      data.others.push(loops ? `common gains ${loops[1].toFixed(3)}, no pressure feedback ${loops[2].toFixed(3)} Hz` : "");
       data.spread.push(`worst ${worst.toFixed(3)}, 5 % ${low.toFixed(3)}, median ${middle.toFixed(3)} Hz`);
     }
     return data;
@@ -265,7 +305,7 @@
     shown = machines.map((one) => [...one.cells.keys()].filter((k) => one.cells[k][0] === index && one.cells[k][1] === load_case));
     const data = machines.map((one, k) => columns(one, shown[k], plane, statistic));
     const values = data.flatMap((one) => one.value);
-    const low = Math.min(...values), high = Math.max(...values);
+    const [low, high] = values.length ? [Math.min(...values), Math.max(...values)] : [0, 1];
     $("low").textContent = low.toFixed(2);
     $("high").textContent = high.toFixed(2);
     machines.forEach((one, k) => {
@@ -275,7 +315,7 @@
       if (plane.y) range(map.y_range, plane.y.middles, plane.y.width);
       else [map.y_range.start, map.y_range.end] = [0, 1.1 * high];
       map.below[0].axis_label = `${plane.x.name} [${plane.x.unit === "°" ? "deg" : "m"}]`;
-      map.left[0].axis_label = plane.y ? `${plane.y.name} [${plane.y.unit === "°" ? "deg" : "m"}]` : "frequency [Hz]";
+      map.left[0].axis_label = plane.y ? `${plane.y.name} [${plane.y.unit === "°" ? "deg" : "m"}]` : scene.quantity;
       const least = Math.min(...data[k].value);
       map.title.text = values.length ? `${one.label}: from ${least.toFixed(3)} Hz` : one.label;
       source.selected.indices = [];
@@ -291,29 +331,8 @@
     model(`marks-${index}`).data = { x: [source.data.x[indices[0]]], y: [source.data.y[indices[0]]] };
     draw();
   };
-  const recolour = () => {
-    const style = getComputedStyle(root), ink = style.getPropertyValue("--ink").trim();
-    const line = style.getPropertyValue("--strong").trim();
-    machines.forEach((_, k) => {
-      const map = model(`map-${k}`);
-      map.title.text_color = ink;
-      map.outline_line_color = line;
-      for (const axis of [...map.below, ...map.left]) {
-        axis.axis_label_text_color = axis.major_label_text_color = ink;
-        axis.axis_line_color = axis.major_tick_line_color = axis.minor_tick_line_color = line;
-      }
-    });
-  };
-  const begin = () => {
-    if (!window.Bokeh || !machines.every((_, k) => Bokeh.documents.length && model(`map-${k}`))) {
-      setTimeout(begin, 30);
-      return;
-    }
+  whenDrawn(() => {
     Object.values(controls).forEach((one) => one.addEventListener("change", fill));
-    onTheme.push(recolour);
-    recolour();
     fill();
-    root.dataset.ready = "maps";
-  };
-  begin();
+  });
 })();

@@ -49,10 +49,11 @@ def page(report: Report, folder: Path) -> str:
     )
     environment.filters |= {"sortable": sortable, "dense": dense}
     scene = report.scene
+    charts = [one for section in report.sections for one in section.charts]
     return environment.get_template("page.html.j2").render(
         report=report,
         picture=lambda one: _embedded(one, folder),
-        maps=interactive(scene) if scene else None,
+        figures=interactive(scene, charts) if scene or charts else None,
         scene=_as_script(asdict(scene)) if scene else "",
         style=(home / "page.css").read_text(encoding="utf-8"),
         code=(home / "page.js").read_text(encoding="utf-8"),

@@ -1,15 +1,16 @@
 """The drawn scene of a report: machines in the worst pose of every cell of their maps.
 
-A cell is a rectangle of two joints, under one load case or all. Its worst pose is kept with what
-draws the machine there: matrices that place its bodies, places of the pins that no body carries,
-and how far both go in the lowest mode. Numbers are packed as little-endian integers with a scale
-for each column, base64: places with 16 bits, finer than 1 mm, swings with 8.
+The maps are of frequency or of bandwidth. A cell is a rectangle of two joints, under one load case
+or all. Its worst pose is kept with what draws the machine there: matrices that place its bodies,
+places of the pins that no body carries, and how far both go in the lowest mode. Numbers are packed
+as little-endian integers with a scale for each column, base64: places with 16 bits, finer than
+1 mm, swings with 8.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,11 @@ from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.frequency.maps import FrequencyMap
+    from armdesign.frequency.workspace import Workspace
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
 
@@ -32,6 +37,9 @@ CELLS = 2400  # of all planes, load cases and machines: finer grids share cells,
 MODES = 3  # the lowest, in which a machine can swing
 PLANES = 6  # pairs of joints
 PERCENTS = (5.0, 50.0)
+FREQUENCY = "lowest coupled natural frequency [Hz]"
+BANDWIDTH = "bandwidth of the narrowest loop [Hz]"
+SCHEMES = ("own", "damped", "proportional")  # of control, the first one on the map
 SWING = 0.05  # of the machine's size: amplitude at the tool of a drawn mode
 IN_PLATE = 1e-3  # [m] by which a pin may leave the plate of its body
 
@@ -83,6 +91,8 @@ class DrawnMachine:
         cylinders: as in ``SideView``.
         bars: as in ``SideView``.
         ground: height [m].
+        loops: of each pose, on a map of bandwidth: of the ``SCHEMES`` [Hz], and the joint whose
+            loop is the narrowest; None on a map of frequency.
     """
 
     label: str
@@ -100,27 +110,97 @@ class DrawnMachine:
     cylinders: tuple[dict[str, Any], ...]
     bars: tuple[dict[str, Any], ...]
     ground: float
+    loops: Packed | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapScene:
-    """Machines of one arm with their maps on the same cells."""
+    """Machines of one arm with their maps on the same cells, and what the maps show."""
 
     planes: tuple[CellPlane, ...]
     joints: tuple[tuple[str, str], ...]
     cases: tuple[str, ...]
     machines: tuple[DrawnMachine, ...]
+    quantity: str = FREQUENCY
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Mapped:
+    """A map as a scene knows it.
+
+    Attributes:
+        machine: the machine.
+        workspace: the poses.
+        frame: joints and ``payload`` of each row; first the worst pose, which is in no cell.
+        values: that the colours show (n,) [Hz], without the first row.
+        weights: what each counts in percentiles (n,).
+        loops: as in ``DrawnMachine``, of each row of the frame (n + 1, 4).
+    """
+
+    machine: Machine
+    workspace: Workspace
+    frame: pd.DataFrame
+    values: Array
+    weights: Array
+    loops: Array | None = None
 
 
 def scene_of(maps: Mapping[str, FrequencyMap]) -> MapScene:
     """The scene of maps on one workspace, by the labels of their machines, today's first."""
+    return _scene({label: _of_frequencies(one) for label, one in maps.items()}, FREQUENCY)
+
+
+def bandwidth_scene(maps: Mapping[str, BandwidthMap]) -> MapScene | None:
+    """The scene of maps of bandwidth; None for machines that differ in joints or load cases."""
+    machines = [one.machine for one in maps.values()]
+    kinds = {(one.joints, tuple(case.name for case in one.payloads)) for one in machines}
+    if len(kinds) > 1:
+        return None
+    return _scene({label: _of_bandwidths(one) for label, one in maps.items()}, BANDWIDTH)
+
+
+def _of_frequencies(frequencies: FrequencyMap) -> _Mapped:
+    import pandas as pd
+
+    machine, worst = frequencies.machine, frequencies.worst
+    known = frequencies.frame[[*machine.joints, "payload"]]
+    first = {**dict(zip(machine.joints, worst.q, strict=True)), "payload": worst.payload}
+    return _Mapped(
+        machine=machine,
+        workspace=frequencies.workspace,
+        frame=pd.concat([pd.DataFrame([first]), known], ignore_index=True),
+        values=frequencies.frame["f1_hz"].to_numpy(),
+        weights=frequencies.weights,
+    )
+
+
+def _of_bandwidths(bandwidths: BandwidthMap) -> _Mapped:
+    """All rows at which a controller works."""
+    import pandas as pd
+
+    works = bandwidths.frame[bandwidths.frame["works"]]
+    frame = pd.concat([bandwidths.worst(SCHEMES[0]).to_frame().T, works], ignore_index=True)
+    each = frame[[f"{SCHEMES[0]}_{joint}_hz" for joint in bandwidths.machine.joints]]
+    reached = frame[[f"{scheme}_hz" for scheme in SCHEMES]].to_numpy(dtype=float)
+    narrowest = each.to_numpy(dtype=float).argmin(axis=1)
+    return _Mapped(
+        machine=bandwidths.machine,
+        workspace=bandwidths.workspace,
+        frame=frame,
+        values=reached[1:, 0],
+        weights=np.ones(len(works)),
+        loops=np.column_stack([reached, narrowest]),
+    )
+
+
+def _scene(maps: Mapping[str, _Mapped], quantity: str) -> MapScene:
     first = next(iter(maps.values()))
     joints = first.machine.arm.joints
     moving = [j for j in range(len(joints)) if j not in first.machine.idle_joints] or [0]
     pairs = list(combinations(moving, min(len(moving), 2)))[:PLANES]
     share = CELLS / (len(pairs) * len(first.machine.payloads) * len(maps))
     finest = max(int(share ** (1 / len(pairs[0]))), 2)
-    grids = {j: _middles(first.workspace.axes[j], finest) for j in moving}
+    grids = {j: _middles([one.workspace.axes[j] for one in maps.values()], finest) for j in moving}
     axes = {j: _axis(joints[j], grids[j]) for j in moving}
     cases = tuple(payload.name for payload in first.machine.payloads)
     planes = [CellPlane(x=axes[p[0]], y=axes[p[1]] if len(p) > 1 else None) for p in pairs]
@@ -132,12 +212,14 @@ def scene_of(maps: Mapping[str, FrequencyMap]) -> MapScene:
             _drawn_machine(label, one, [{j: grids[j] for j in pair} for pair in pairs])
             for label, one in maps.items()
         ),
+        quantity=quantity,
     )
 
 
-def _middles(axis: Array, finest: int) -> Array:
-    """Middles of at most ``finest`` cells along an axis, its own values where these are fewer."""
-    return np.linspace(axis[0], axis[-1], min(len(axis), finest))
+def _middles(axes: Sequence[Array], finest: int) -> Array:
+    """Middles of at most ``finest`` cells along a joint's axis of several maps."""
+    low, high = min(axis[0] for axis in axes), max(axis[-1] for axis in axes)
+    return np.linspace(low, high, min(*map(len, axes), finest))
 
 
 def _factor(joint: Joint) -> float:
@@ -159,20 +241,21 @@ class _WorstPoses:
     frequencies: Array
 
 
-def _cells(frequencies: FrequencyMap, planes: list[dict[int, Array]]) -> _WorstPoses:
-    frame, names = frequencies.frame, frequencies.machine.joints
-    lowest, payload = frame["f1_hz"].to_numpy(), frame["payload"].to_numpy()
+def _cells(mapped: _Mapped, planes: list[dict[int, Array]]) -> _WorstPoses:
+    frame, names, lowest = mapped.frame.iloc[1:], mapped.machine.joints, mapped.values
+    payload = frame["payload"].to_numpy()
     rows_of = {0: np.arange(len(frame))}
-    for k, name in enumerate(frequencies.worst_of):
-        rows_of[k + 1] = np.flatnonzero(payload == name)
+    for k, load_case in enumerate(mapped.machine.payloads):
+        rows_of[k + 1] = np.flatnonzero(payload == load_case.name)
     tables, values = list[Array](), list[Array]()
     for plane, grids in enumerate(planes):
         cell = np.zeros(len(frame), dtype=int)
         for j, middles in grids.items():
-            place = nearest(middles, frame[names[j]].to_numpy()) if len(middles) > 1 else 0
+            at = frame[names[j]].to_numpy(dtype=float)
+            place = nearest(middles, at) if len(middles) > 1 else 0
             cell = cell * len(middles) + place
         for case, rows in rows_of.items():
-            worst, spread = _worst_of_each(cell, rows, lowest, frequencies.weights)
+            worst, spread = _worst_of_each(cell, rows, lowest, mapped.weights)
             head = np.tile([plane, case], (len(worst), 1))
             tables.append(np.column_stack([head, cell[worst], worst]))
             values.append(np.column_stack([lowest[worst], spread]))
@@ -199,15 +282,14 @@ def _worst_of_each(cell: Array, rows: Array, lowest: Array, weights: Array) -> t
     return worst, spread
 
 
-def _drawn_machine(
-    label: str, frequencies: FrequencyMap, planes: list[dict[int, Array]]
-) -> DrawnMachine:
-    machine, cells = frequencies.machine, _cells(frequencies, planes)
-    rows, place = np.unique(cells.table[:, 3], return_inverse=True)
+def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) -> DrawnMachine:
+    machine, cells = mapped.machine, _cells(mapped, planes)
+    kept, place = np.unique(cells.table[:, 3], return_inverse=True)
+    rows = np.concatenate([[0], kept + 1])
     names = [payload.name for payload in machine.payloads]
-    worst, frame = frequencies.worst, frequencies.frame.iloc[rows]
-    q = np.concatenate([worst.q[None], frame[list(machine.joints)].to_numpy()])
-    case = np.array([names.index(n) for n in (worst.payload, *frame["payload"])])
+    frame = mapped.frame.iloc[rows]
+    q = frame[list(machine.joints)].to_numpy(dtype=float)
+    case = np.array([names.index(n) for n in frame["payload"]])
     shapes, limits, lowest = _modes(machine, q, case)
     modes = range(shapes.shape[-1])
     view = side_view(machine, q)
@@ -236,6 +318,7 @@ def _drawn_machine(
         cylinders=tuple(vars(shape) for shape in view.cylinders),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
+        loops=None if mapped.loops is None else _packed(mapped.loops[rows]),
     )
 
 

@@ -8,10 +8,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from armdesign.plots.charts import GREY, Chart, Curve
 from armdesign.report.sheet import Sheet
 
 if TYPE_CHECKING:
-    from armdesign.simulation.sweeps import SweptMode
+    from armdesign.simulation.sweeps import FittedMode, SweptMode
     from armdesign.simulation.validation import Validation
 
 COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ")
@@ -78,6 +79,51 @@ def _note(friction: bool) -> str:
             " machine's own friction, which holds small motions"
         )
     return note
+
+
+def validation_chart(validation: Validation, colours: Mapping[str, str]) -> Chart:
+    """Deviation of every sweep over its linear frequency; ``colours`` are those of actuators."""
+    curves: dict[str, list[FittedMode]] = {name: [] for name in colours}
+    for run in validation.runs:
+        curves[run.cylinder].append(run)
+    ends = [run.linear_frequency for run in validation.runs]
+    return Chart(
+        title="Measured over linear natural frequency, every sweep",
+        x="linear natural frequency [Hz]",
+        y="deviation [%]",
+        heads=("sweep", "linear, measured", "deviation", "damping ratio", "remark"),
+        curves=(
+            *(
+                Curve(
+                    name=name,
+                    colour=colours[name],
+                    x=tuple(run.linear_frequency for run in runs),
+                    y=tuple(100 * run.deviation for run in runs),
+                    words=tuple(map(_words, runs)),
+                )
+                for name, runs in curves.items()
+                if runs
+            ),
+            Curve(
+                name="no deviation",
+                colour=GREY,
+                x=(min(ends), max(ends)),
+                y=(0.0, 0.0),
+                kind="line",
+            ),
+        ),
+    )
+
+
+def _words(run: FittedMode) -> tuple[str, ...]:
+    """What a chart says of a sweep."""
+    return (
+        f"{run.pose} pose, {run.payload}: {run.cylinder}, valve {100 * run.amplitude:.2g} %",
+        f"{run.linear_frequency:.4f}, {run.identified_frequency:.4f} Hz",
+        f"{100 * run.deviation:+.2f} %",
+        f"linear {run.linear_damping:.4f}, measured {run.identified_damping:.4f}",
+        run.remark,
+    )
 
 
 def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:

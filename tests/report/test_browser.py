@@ -25,7 +25,7 @@ from armdesign.report.page import page
 from armdesign.report.provenance import Origin
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet
-from tests.chromium import launched
+from tests.chromium import cell_at, launched, opened, shown
 
 pytestmark = pytest.mark.slow
 
@@ -84,42 +84,6 @@ def browser() -> Iterator[Any]:
     yield from launched()
 
 
-def opened(browser: Any, path: Path, width: int = 1280, scheme: str = "light") -> tuple[Any, Any]:
-    """A tab with the page, and what it said and asked for that it should not."""
-    tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
-    wrong: list[str] = []
-    tab.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
-    tab.on("pageerror", lambda error: wrong.append(str(error)))
-    known = path.as_uri()
-    allowed = (known, "data:", "blob:")
-    tab.on(
-        "request", lambda r: None if r.url.startswith(allowed) else wrong.append(f"asks {r.url}")
-    )
-    tab.goto(known)
-    tab.wait_for_function("document.documentElement.dataset.ready === 'maps'")
-    tab.wait_for_timeout(300)
-    return tab, wrong
-
-
-def cell_at(tab: Any, map_index: int, cell: int) -> tuple[float, float]:
-    """Place on the screen of the middle of a cell of a map."""
-    tab.evaluate("document.querySelector('.maps').scrollIntoView()")
-    at = tab.evaluate(
-        """([m, c]) => {
-          const named = (name, one) => one.get_model_by_name(name);
-          const find = (name) => Bokeh.documents.map((one) => named(name, one)).find((x) => x);
-          const data = find(`cells-${m}`).data, map = find(`map-${m}`);
-          const view = [...Bokeh.index].find((one) => one.model === map);
-          const frame = view.frame.bbox, box = view.canvas_view.el.getBoundingClientRect();
-          const part = (value, range) => (value - range.start) / (range.end - range.start);
-          return [box.left + frame.left + part(data.x[c], map.x_range) * frame.width,
-                  box.top + frame.bottom - part(data.y[c], map.y_range) * frame.height];
-        }""",
-        [map_index, cell],
-    )
-    return at[0], at[1]
-
-
 def test_hover_and_click_show_what_the_map_says(browser: Any, written: Path) -> None:
     tab, wrong = opened(browser, written)
     before, words = tab.inner_html("#drawing"), tab.inner_text("#pose")
@@ -130,15 +94,9 @@ def test_hover_and_click_show_what_the_map_says(browser: Any, written: Path) -> 
     tab.wait_for_timeout(400)
     find = "Bokeh.documents.map((d) => d.get_model_by_name('cells-0')).find((x) => x).data"
     data = {k: tab.evaluate(f"{find}.{k}[3]") for k in ("words", "pose", "load", "part")}
-    shown = tab.evaluate(
-        """() => { const texts = [];
-          const walk = (node) => { for (const one of node.querySelectorAll('*')) {
-            const inside = one.shadowRoot;
-            if (inside) { texts.push(inside.textContent); walk(inside); } } };
-          walk(document); return texts.join('\\n'); }"""
-    )
+    words = shown(tab)
     for text in data.values():
-        assert text in shown
+        assert text in words
     tab.mouse.click(x, y)
     tab.wait_for_function("document.getElementById('pose').textContent.startsWith('today')")
     said = tab.inner_text("#pose")

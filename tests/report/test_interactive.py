@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 import armdesign as ad
+from armdesign.plots.charts import Chart, Curve
 from armdesign.report.interactive import COLUMNS, document, interactive
 from armdesign.report.scene import MapScene, scene_of
 
@@ -63,3 +65,26 @@ def test_a_name_cannot_end_the_script_and_pages_are_the_same_again() -> None:
     assert json.dumps("today </script>").replace("<", "\\u003c") in parts.script
     assert parts == interactive(drawn)
     assert len(set(parts.places)) == 2
+
+
+def test_bokeh_reads_charts() -> None:
+    from bokeh.document import Document
+
+    dots = Curve(name="<b>", colour="#0072B2", x=(1.0, 2.0), y=(3.0, 4.0), words=(("a",), ("b",)))
+    rings = replace(dots, kind="rings")
+    line = Curve(name="line", colour="#7b8794", x=(1.0, 2.0), y=(0.0, 0.0), kind="line")
+    chart = Chart(title="T", x="x [m]", y="y [%]", heads=("which",), curves=(dots, rings, line))
+    empty: Any = Document().to_json(deferred=False)
+    read: Any = Document.from_json({**empty, **document(None, [chart])})
+    read.validate()
+    (figure,) = read.roots
+    assert [type(one.glyph).__name__ for one in figure.renderers] == ["Scatter", "Scatter", "Line"]
+    assert list(figure.renderers[0].data_source.data["words_0"]) == ["a", "b"]
+    (legend,) = figure.legend
+    assert [(item.label.value, len(item.renderers)) for item in legend.items] == [
+        ("<b>", 2),
+        ("line", 1),
+    ]
+    (hover,) = (tool for tool in figure.toolbar.tools if type(tool).__name__ == "HoverTool")
+    assert hover.renderers == figure.renderers[:2]
+    assert interactive(None, [chart]).charts[chart]

@@ -22,7 +22,7 @@ from armdesign.report.map_reports import map_report
 from armdesign.report.maps import map_sheets
 from armdesign.report.page import page, sortable
 from armdesign.report.provenance import Origin
-from armdesign.report.scene import Packed, scene_of
+from armdesign.report.scene import Packed, bandwidth_scene, scene_of
 from armdesign.report.sheet import Sheet
 from tests.commands import main
 
@@ -91,6 +91,39 @@ def test_drawings_place_every_pin_within_2_mm() -> None:
         expected = view.tool if point["name"] == "tool" else view.points[:, k]
         assert np.abs(at - expected).max() < 2e-3, point["name"]
     assert loose == numbers.shape[1]
+
+
+def test_cells_of_bandwidth_hold_the_least_of_their_poses() -> None:
+    """By brute force over the rows of the map; no cell has a pose at which no loop works."""
+    machine = ad.load("paper_1dof")
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, 6), damping=0.02)
+    frame = bandwidths.frame[bandwidths.frame["works"]]
+    scene = bandwidth_scene({"today": bandwidths})
+    assert scene is not None
+    assert scene.quantity.startswith("bandwidth")
+    ((drawn,), (plane,)) = scene.machines, scene.planes
+    assert drawn.loops is not None
+    cells, values, loops = map(unpacked, (drawn.cells, drawn.frequencies, drawn.loops))
+    everywhere = cells[:, 1] == 0
+    at = np.degrees(frame["boom"].to_numpy())
+    nearest = np.abs(at[:, None] - np.array(plane.x.middles)).argmin(axis=1)
+    assert set(cells[everywhere, 2]) == set(nearest)
+    for cell, pose, value in zip(
+        cells[everywhere, 2], cells[everywhere, 3], values[everywhere, 0], strict=True
+    ):
+        own = frame[nearest == cell].sort_values("own_hz").iloc[0]
+        assert value == pytest.approx(own["own_hz"], rel=1e-3)
+        reached = own[["own_hz", "damped_hz", "proportional_hz"]].to_numpy(dtype=float)
+        assert loops[int(pose), :3] == pytest.approx(reached, rel=1e-3)
+    assert loops[0, 0] == pytest.approx(frame["own_hz"].min(), rel=1e-3)
+
+
+def test_machines_of_other_joints_have_no_common_scene() -> None:
+    one, other = (
+        ad.bandwidth_map(machine, ad.Workspace.grid(machine, 2), damping=0.02)
+        for machine in map(ad.load, ("paper_1dof", "excavator_20t"))
+    )
+    assert bandwidth_scene({"today": one, "new": other}) is None
 
 
 @pytest.mark.slow
