@@ -19,6 +19,7 @@ ROOMS = (
     *(
         "units",
         "errors",
+        "arguments",
         "text_files",
         "csv_rows",
         "streams",

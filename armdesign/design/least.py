@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.design.catalogue.alternation import (
     improve_in_turn,
     refuse_fixed_sizes,
@@ -57,6 +58,7 @@ TURNS = 5  # of sizes for an amount and the amount for sizes
 ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016, 0.032, 0.064, 0.128, 0.256)
 
 
+@checked
 def least(
     machine: Machine,
     workspace: Workspace | None = None,

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.kept_designs import form
@@ -140,6 +141,7 @@ class Steps:
         return [f"{count} pins are left out: {why}" for count, why in self.left_out.items()]
 
 
+@checked
 def steps(
     machine: Machine,
     workspace: Workspace | None = None,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.drawing.visuals import mesh_file
 from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
@@ -36,6 +37,7 @@ def reference(machine: Machine) -> Array:
     return np.asarray(np.clip(np.zeros(len(machine.joints)), *machine.ranges.T))
 
 
+@checked
 def robot_positions(machine: Machine, q: ArrayLike) -> pd.DataFrame:
     """Positions of every movable joint of the machine's exported URDF, a row for each pose.
 

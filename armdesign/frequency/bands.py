@@ -27,6 +27,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
@@ -292,6 +293,7 @@ class FrequencyBand:
         return [*map(_frequency, self.scenarios), *self.between, self.nominal]
 
 
+@checked
 def frequency_band(
     machine: Machine,
     workspace: Workspace,

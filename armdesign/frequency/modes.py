@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, ReadOnly, chunks, congruent, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
@@ -54,6 +55,7 @@ class Modes(ReadOnly):
         return plots.modes_by_pose(self, ax)
 
 
+@checked
 def natural_modes(poses: Poses) -> Modes:
     """Coupled, locked and rigid-load natural frequencies, valves closed and without damping.
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.schema import LiftChartSection
@@ -125,6 +126,7 @@ class LiftChart(ReadOnly):
         return plots.lift_chart(self, ax)
 
 
+@checked
 def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
     """The lift chart of a machine.
 

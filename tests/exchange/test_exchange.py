@@ -215,6 +215,8 @@ def test_the_command_writes_what_is_asked_for(
         (["--format", "step"], '--format: "step" is not known; choose from: csv, dxf, urdf, sdf'),
         (["--format", ","], "--format: names no format"),
         (["--pose", "boom=99"], "--pose: boom 99 deg is outside its range"),
+        (["--pose", "boom=nan"], "--pose: boom nan deg is outside its range ["),
+        (["--pose", "boom=nan"], "] deg; give boom=… in deg"),
     ],
 )
 def test_bad_options(words: list[str], message: str, refused: Refused) -> None:
