@@ -182,9 +182,9 @@ def test_least_of_a_catalogue_as_enumerated(of: str, share: float) -> None:
     assert getattr(design.requirements, AMOUNTS[of]) == pytest.approx(min(amounts), rel=1e-9)
     assert amount_of(design.machine, machine, of) == pytest.approx(min(amounts), rel=1e-9)
     assert design.after.frame["f1_hz"].min() >= frequency
-    assert design.selection is not None
-    assert design.selection.below is not None
-    assert design.selection.below < frequency
+    assert design.best_sizes is not None
+    assert design.best_sizes.below is not None
+    assert design.best_sizes.below < frequency
 
 
 def test_amounts_by_hand() -> None:

@@ -308,8 +308,8 @@ def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands, objective: s
     )
     assert wanted > 0
     assert design.unrounded == pytest.approx(wanted, rel=1e-9)
-    assert design.selection is not None
-    assert design.selection.bound == design.selection.frequency
+    assert design.best_sizes is not None
+    assert design.best_sizes.bound == design.best_sizes.frequency
     assert design.bound == pytest.approx(wanted, rel=1e-9)
     # its file has 1e-6 mm
     assert reached(design.machine) == pytest.approx(wanted, rel=1e-7)

@@ -265,8 +265,8 @@ class Dynamics:
         lower = self._fixed_inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
         forces = self.static_forces(arm, self.rows.gravity, self.vector.areas_today)
-        rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
-        return FixedPins(g.length[pose], forces, arm @ turned, congruent(lower, rest))
+        fixed_stiffness = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
+        return FixedPins(g.length[pose], forces, arm @ turned, congruent(lower, fixed_stiffness))
 
     def _geometry(self, x: Array, poses: Array) -> Geometry:
         """Geometry at some of the workspace's poses."""

@@ -255,15 +255,15 @@ def _with_covariance(
     )
     both = np.concatenate([order, len(roots) + order])
     levels = np.sqrt(np.tile(_levels(roots, noise, now, slopes, variance), 2))
-    rest = signals - (np.exp(roots * np.arange(length)[:, None]) @ now.shapes).real
-    left = detrended(rest, noise.trend)
+    residual = signals - (np.exp(roots * np.arange(length)[:, None]) @ now.shapes).real
+    left = detrended(residual, noise.trend)
     logarithms = np.log(np.maximum(variance, 1e-300)).sum()
     unknowns = len(noise.colour) + len(roots) * (2 + 2 * signals.shape[1])
     return Refined(
         roots=roots[order],
         shapes=now.shapes[order],
         left=left,
-        slow=rest - left,
+        slow=residual - left,
         covariance=(gain @ gain.T * np.outer(levels, levels))[np.ix_(both, both)],
         noise=noise,
         variance=variance,
