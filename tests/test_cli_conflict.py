@@ -49,7 +49,7 @@ def test_a_share_for_all_alone_or_for_nobody_is_refused(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "asked",
+    "requirements",
     [
         {"moment_arm_share": "1.1", "pin_box_mm": "20"},
         # oil of the boom is asked for, and later again as enough: what was asked stays asked

@@ -48,7 +48,7 @@ def spool_after(machine: Machine, begin: float, width: float, time: np.ndarray) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("width", "rate", "told"),
+    ("width", "rate", "announced"),
     [(5e-3, 200.0, False), (1e-3, 1000.0, False), (1e-3, 200.0, True), (1e-4, 5.0, True)],
 )
 def test_no_pulse_is_lost(excavator: Machine, width: float, rate: float, announced: bool) -> None:
