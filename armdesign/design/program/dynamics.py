@@ -56,8 +56,8 @@ class Rows:
 
     With the load, without masses that depend on x; ∂g/∂q holds springs too, which no x changes.
     A load case at another corner of the bands is another one: ``payload`` counts on, and
-    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is; ``growth`` (n, nx) is that
-    of the emphasis with x, (n, 0) where there is none: see ``corners.py``.
+    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is; ``growth`` (n, nx) is
+    the growth of the emphasis with x, (n, 0) where there is none: see ``corners.py``.
     """
 
     pose: Array

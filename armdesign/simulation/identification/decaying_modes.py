@@ -275,7 +275,7 @@ def _with_covariance(
 
 
 def _levels(roots: Array, noise: Noise, now: BestShapes, slopes: Array, variance: Array) -> Array:
-    """Variance of what is left about the frequency of each mode, over that of the whole (m,).
+    """Variance of what is left about the frequency of each mode over the whole variance (m,).
 
     What a mode may be off by depends on the noise near its own frequency alone, where few
     parameters of a colour may miss it. The lines ``AROUND`` it measure that, freed of
