@@ -167,5 +167,5 @@ def _names(machine: Machine) -> tuple[str, ...]:
 
 
 def _of_catalogue(problem: Problem, sizes: Sizes, command: str) -> Design:
-    search, selection = sizes_for_pins(problem, sizes)
-    return Design.of(search, Starts((selection.frequency,)), selection, command=command)
+    search, best_sizes = sizes_for_pins(problem, sizes)
+    return Design.of(search, Starts((best_sizes.frequency,)), best_sizes, command=command)

@@ -282,7 +282,7 @@ def _designs(
     def identity(k: int) -> Any:
         return [searches[k].problem.identity, command, repr(sizes), searches[k].x.tolist()]
 
-    def found(numbers: list[int]) -> Iterator[tuple[int, Design | InfeasibleError]]:
+    def designs_of(numbers: list[int]) -> Iterator[tuple[int, Design | InfeasibleError]]:
         some = ((k, searches[k]) for k in numbers)
         tasks = (delayed(_design)(k, s.problem, s.x, sizes, command) for k, s in some)
         yield from Parallel(workers, return_as="generator_unordered")(tasks)
@@ -291,7 +291,7 @@ def _designs(
         return None if isinstance(design, InfeasibleError) else designs.write(k, design)
 
     both: Form[Design | InfeasibleError] = Form(write=write, read=designs.read)
-    return all_finished("design", len(searches), identity, found, both)
+    return all_finished("design", len(searches), identity, designs_of, both)
 
 
 def _design(

@@ -175,8 +175,8 @@ def _in_span(rows: Array, row: Array) -> Flags:
     """Whether each of the rows (n, k, nq) is a multiple of ``row`` (n, nq): (n, k)."""
     squared = (row**2).sum(axis=1)[:, None, None]
     along = (rows @ row[:, :, None]) / np.where(squared > 0, squared, 1.0)
-    rest = rows - along * row[:, None, :]
-    return np.asarray(np.linalg.norm(rest, axis=2) <= PARALLEL * np.linalg.norm(rows, axis=2))
+    across = rows - along * row[:, None, :]
+    return np.asarray(np.linalg.norm(across, axis=2) <= PARALLEL * np.linalg.norm(rows, axis=2))
 
 
 def _null_spaces(held: Array) -> list[tuple[Array, Array]]:

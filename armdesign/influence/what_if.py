@@ -73,8 +73,8 @@ class WhatIf:
         hertz = self._numbers["unit"] == "Hz"
         others = self._numbers[~lift & ~hertz]
         moved = others[~(others["change"].abs() < UNCHANGED) & others["before"].notna()]
-        still = len(others) - len(moved)
-        note = f"{still} others do not change; all are in what_if.csv"
+        unchanged = len(others) - len(moved)
+        note = f"{unchanged} others do not change; all are in what_if.csv"
         sheets = [
             self._changes(),
             self._sheet("Frequencies [Hz]", self._numbers[hertz], units, self._where()),

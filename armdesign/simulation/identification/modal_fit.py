@@ -41,7 +41,7 @@ from armdesign.simulation.identification.residual_terms import (
     weights_of,
 )
 
-# degrees of B and E above those of a sum of modes: what modes outside the band and slow leaks add
+# degrees of B and E beyond a sum of modes: what modes outside the band and slow leaks add
 SPARE = 3
 ROUNDS = 12  # of reweighting by 1/A of the round before (Sanathanan & Koerner 1963)
 LEAST_EQUATIONS = 2  # per unknown
