@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.control.least_bandwidth import (
     Places,
@@ -46,6 +47,7 @@ MOVED, RESIZED = 5 * mm, 0.03  # steps of pins [m] and relative areas, by which 
 RISEN = 2e-3  # share by which the bandwidth must rise for another
 
 
+@checked
 def optimize(
     machine: Machine,
     workspace: Workspace | None = None,

@@ -60,12 +60,14 @@ def pose_of(
     if missing := [name for name in joints if name not in pose]:
         raise ArmDesignError(option, f"says nothing of {' and '.join(missing)}", remedy)
     for name, (low, high) in zip(joints, drawn_ranges(machine).tolist(), strict=True):
-        if (value := pose[name]) < low or value > high:
+        if not low <= (value := pose[name]) <= high:
             unit, factor = units[name]
-            fault = f"{name} {value / factor:g} {unit} is outside its range"
             ends = math.ceil(10 * low / factor) / 10, math.floor(10 * high / factor) / 10
             nearest = f"the nearest that its stroke allows is {ends[value > high]:g} {unit}"
-            raise ArmDesignError(option, f"{fault} [{ends[0]:g}, {ends[1]:g}] {unit}", nearest)
+            fault = f"{name} {value / factor:g} {unit} is outside its range"
+            fault += f" [{ends[0]:g}, {ends[1]:g}] {unit}"
+            remedy = f"give {name}=… in {unit}" if math.isnan(value) else nearest
+            raise ArmDesignError(option, fault, remedy)
     return tuple(pose[name] for name in joints)
 
 

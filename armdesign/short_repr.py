@@ -45,7 +45,7 @@ def machine_repr(machine: Any) -> str:
 
 def _fields(value: Any, depth: int) -> str:
     stated = [f for f in fields(value) if f.repr and not _is_default(f, getattr(value, f.name))]
-    return "; ".join(f"{f.name} {_told(getattr(value, f.name), depth + 1)}" for f in stated)
+    return "; ".join(f"{f.name} {_in_words(getattr(value, f.name), depth + 1)}" for f in stated)
 
 
 def _is_default(field: Field[Any], value: Any) -> bool:
@@ -56,7 +56,7 @@ def _is_default(field: Field[Any], value: Any) -> bool:
     return field.default is not MISSING and bool(value == field.default)
 
 
-def _told(value: Any, depth: int) -> str:
+def _in_words(value: Any, depth: int) -> str:
     """One value in a few words; parts of parts by their names only."""
     if hasattr(value, "columns"):
         return f"{len(value)} rows x {len(value.columns)} columns"
@@ -65,9 +65,10 @@ def _told(value: Any, depth: int) -> str:
     if isinstance(value, bool | str | None):
         return textwrap.shorten(str(value), 80, placeholder=" …")
     if isinstance(value, Mapping):
-        return _several([f"{key}: {_told(value[key], depth + 1)}" for key in [*value][:4]], value)
+        parts = [f"{key}: {_in_words(value[key], depth + 1)}" for key in [*value][:4]]
+        return _several(parts, value)
     if isinstance(value, tuple | list):
-        return _several([_told(part, depth + 1) for part in value[:4]], value)
+        return _several([_in_words(part, depth + 1) for part in value[:4]], value)
     if is_dataclass(value):
         name = getattr(value, "name", None)
         if isinstance(name, str):
@@ -80,14 +81,14 @@ def _told(value: Any, depth: int) -> str:
         return type(value).__name__
 
 
-def _several(told: list[str], whole: Any) -> str:
-    more = f", … {len(whole)} in all" if len(whole) > len(told) else ""
-    return f"({', '.join(told)}{more})"
+def _several(words: list[str], whole: Any) -> str:
+    more = f", … {len(whole)} in all" if len(whole) > len(words) else ""
+    return f"({', '.join(words)}{more})"
 
 
 def _array(value: Any) -> str:
     if value.size <= 6 and value.ndim == 1:
-        return f"({', '.join(_told(x, 9) for x in value.tolist())})"
+        return f"({', '.join(_in_words(x, 9) for x in value.tolist())})"
     shape = " x ".join(map(str, value.shape))
     if not value.size or value.dtype.kind not in "biuf":
         return f"[{shape}]"

@@ -106,19 +106,19 @@ def rivals(machine: Machine, shares: Sequence[float]) -> dict[str, tuple[Array, 
         [spools(machine, share) for share in shares],
     )
     finest = theirs(twin, valves, "RK44", FINEST)
-    found = {}
+    errors_and_seconds = {}
     for solver, counts in SOLVERS.items():
         runs = [best_of(partial(theirs, twin, valves, solver, count)) for count in counts]
-        found[solver] = (
+        errors_and_seconds[solver] = (
             np.array([error(q, finest) for _, q in runs]),
             np.array([seconds for seconds, _ in runs]),
         )
-        for count, off, seconds in zip(counts, *found[solver], strict=True):
+        for count, off, seconds in zip(counts, *errors_and_seconds[solver], strict=True):
             print(
                 f"Exudyn     {solver:<17} {RATE * count:6.0f} steps/s   {seconds:7.3f} s   error"
                 f" {off:.1e}"
             )
-    return found
+    return errors_and_seconds
 
 
 def main() -> None:
@@ -126,13 +126,13 @@ def main() -> None:
     machine = named("direct_bucket")
     for shares in SHARES:
         print(f"\n{len(shares)} run{'s' * (len(shares) > 1)} of {DURATION:g} s")
-        found, finest = rivals(machine, shares), ours(machine, shares, 1e-10)
+        errors_and_seconds, finest = rivals(machine, shares), ours(machine, shares, 1e-10)
         for tolerance in TOLERANCES:
             seconds, q = best_of(partial(ours, machine, shares, tolerance))
             off = error(q, finest)
             times = {
                 solver: float(np.exp(np.interp(-np.log(off), -np.log(errors), np.log(spent))))
-                for solver, (errors, spent) in found.items()
+                for solver, (errors, spent) in errors_and_seconds.items()
             }
             best = min(times, key=lambda solver: times[solver])
             print(

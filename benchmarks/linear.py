@@ -27,8 +27,8 @@ def by_differences(machine: ad.Machine, q: Array) -> None:
     """A and B by central differences of order 8, as once."""
     for pose in q:
         plant = plant_of(machine, pose)
-        rest = find_equilibrium(plant, pose).state * plant.units
-        state_and_command_jacobians(plant, rest, plant.split(rest / plant.units)[4])
+        equilibrium = find_equilibrium(plant, pose).state * plant.units
+        state_and_command_jacobians(plant, equilibrium, plant.split(equilibrium / plant.units)[4])
 
 
 def best(action: Callable[[], object]) -> float:
@@ -46,13 +46,13 @@ def main() -> None:
     machine = ad.load(MACHINE).with_payload("full")
     q = poses_of(machine, 3 * POSES)
     q = q[machine.holds(q)][:POSES]
-    rest = best(lambda: ad.linear_models(machine, q))
+    at_rest = best(lambda: ad.linear_models(machine, q))
     moving = best(lambda: ad.linear_models(machine, q, speed=[0.05, 0.0, 0.0]))
     differences = best(lambda: by_differences(machine, q[:FEW])) / FEW * POSES
-    reached = "ok" if rest < LIMIT else "MISSED"
-    print(f"{len(q)} poses at rest       {rest:7.3f} s   target < {LIMIT:g} s   {reached}")
+    reached = "ok" if at_rest < LIMIT else "MISSED"
+    print(f"{len(q)} poses at rest       {at_rest:7.3f} s   target < {LIMIT:g} s   {reached}")
     print(f"{len(q)} in steady motion    {moving:7.3f} s")
-    print(f"by differences of order 8  {differences:7.3f} s   ratio {differences / rest:.0f}")
+    print(f"by differences of order 8  {differences:7.3f} s   ratio {differences / at_rest:.0f}")
 
 
 if __name__ == "__main__":

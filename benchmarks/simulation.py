@@ -42,14 +42,14 @@ def best_of(action: Callable[[], Any], times: int = 3) -> float:
 
 def sweeps() -> list[SimulationCase]:
     """Cases that differ in payload, pose and amplitude."""
-    found = []
+    rows = []
     for number in range(CASES):
         machine = ad.load("excavator_20t").with_payload(400.0 + 40 * (number % 20))
         pose = POSE + np.array([0.0, 0.004, 0.003]) * number
         experiment = Experiment.of(machine, pose, 0, 0)
         commands = experiment.commands(experiment.swept_sine(5e-4 * (1 + number % 3) / 2))
         hold = 0.25 * experiment.band[0]
-        found.append(
+        rows.append(
             SimulationCase(
                 machine=machine,
                 q=pose,
@@ -60,7 +60,7 @@ def sweeps() -> list[SimulationCase]:
                 preloaded=True,
             )
         )
-    return found
+    return rows
 
 
 def by_scipy(case: SimulationCase, method: str) -> float:

@@ -43,16 +43,20 @@ def enumerated(
     """Best worst frequency [Hz] of all combinations that meet the requirements, each mapped."""
     best = 0.0
     for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
-        made = tuple(sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True))
+        cylinders = tuple(
+            sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True)
+        )
         if (
             min(
                 c.slack
-                for c in check(replace(machine, cylinders=made), machine, workspace, limits)
+                for c in check(replace(machine, cylinders=cylinders), machine, workspace, limits)
             )
             < -1e-9
         ):
             continue
-        cases = [replace(machine.with_payload(p.name), cylinders=made) for p in machine.payloads]
+        cases = [
+            replace(machine.with_payload(p.name), cylinders=cylinders) for p in machine.payloads
+        ]
         held = [case.evaluate(workspace.rigid[case.holds(workspace.rigid)]) for case in cases]
         best = max(best, min(float(lowest_frequency(poses).min()) for poses in held))
     return best
@@ -83,11 +87,13 @@ def enumeration(machine: ad.Machine) -> None:
         ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3
     )
     sizes = sizes_of([(bore * mm, rod * mm) for bore in BORES for rod in RODS])
-    took, found = best_of(lambda: select(allowed_sizes(machine, machine, small, limits, sizes)))
+    took, best_sizes = best_of(
+        lambda: select(allowed_sizes(machine, machine, small, limits, sizes))
+    )
     slow, wanted = best_of(lambda: enumerated(machine, small, limits, sizes), 1)
     print(
-        f"{len(sizes)}³ combinations, {len(small.q)} poses: {found.frequency:.9f} Hz, bound"
-        f" {found.bound:.9f}, {took}"
+        f"{len(sizes)}³ combinations, {len(small.q)} poses: {best_sizes.frequency:.9f} Hz, bound"
+        f" {best_sizes.bound:.9f}, {took}"
     )
     print(f"  enumeration: {wanted:.9f} Hz, {slow}")
 

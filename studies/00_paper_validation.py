@@ -33,11 +33,11 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, Reproduction]:
     table = pd.DataFrame({"linear": error_of(computed, computed["joint_exact"])})
     for opening in (SWEEP.amplitude,) if fast else OPENINGS:
         masses, lengths = CORNERS if fast else (MASSES, LENGTHS)
-        found = reproduce(None, masses, lengths, replace(SWEEP, amplitude=opening))
-        table["fitted"] = found.errors["identified"]
-        table[f"sweep {100 * opening:g} %"] = found.errors["swept"]
+        reproduction = reproduce(None, masses, lengths, replace(SWEEP, amplitude=opening))
+        table["fitted"] = reproduction.errors["identified"]
+        table[f"sweep {100 * opening:g} %"] = reproduction.errors["swept"]
         if opening == SWEEP.amplitude:
-            usual = found
+            usual = reproduction
     return table.rename_axis("formula"), usual
 
 
@@ -45,16 +45,16 @@ def main() -> None:
     """Print the errors; save them with frequencies, errata, scan and the paper's figures."""
     from armdesign import plots
 
-    table, found = run()
+    table, reproduction = run()
     print(table.to_string(float_format="{:.4g}".format))
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "errors.csv")
-    found.frame.to_csv(OUT / "paper.csv", index=False)
-    errata_frame(errata(found.mechanism)).to_csv(OUT / "errata.csv", index=False)
+    reproduction.frame.to_csv(OUT / "paper.csv", index=False)
+    errata_frame(errata(reproduction.mechanism)).to_csv(OUT / "errata.csv", index=False)
     scan().to_csv(OUT / "scan.csv", index=False)
     sweep_bias().to_csv(OUT / "sweep_bias.csv", index=False)  # what a sweep alone gets wrong
     for formula in ("static_11", "joint_42_as_printed", "joint_exact"):
-        plots.save(found.plot(formula), OUT / f"{formula}.png")
+        plots.save(reproduction.plot(formula), OUT / f"{formula}.png")
 
 
 if __name__ == "__main__":

@@ -26,17 +26,18 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
     rows = [
         {
             "machine": name,
-            "worst_hz": found.worst.frequency,
-            "cylinder": found.worst.cylinder,
-            "payload": found.worst.payload,
-            "median_hz": found.percentiles().loc["all", "50 %"],
-            "most_often": found.limiting_shares.idxmax(),
-            "share": found.limiting_shares.max(),
+            "worst_hz": frequencies.worst.frequency,
+            "cylinder": frequencies.worst.cylinder,
+            "payload": frequencies.worst.payload,
+            "median_hz": frequencies.percentiles().loc["all", "50 %"],
+            "most_often": frequencies.limiting_shares.idxmax(),
+            "share": frequencies.limiting_shares.max(),
             "joints": ", ".join(
-                f"{j} {x:.3f}" for j, x in zip(found.worst.joints, found.worst.q, strict=True)
+                f"{j} {x:.3f}"
+                for j, x in zip(frequencies.worst.joints, frequencies.worst.q, strict=True)
             ),
         }
-        for name, found in maps.items()
+        for name, frequencies in maps.items()
     ]
     return pd.DataFrame(rows).set_index("machine").sort_values("worst_hz"), maps
 
@@ -57,14 +58,16 @@ def main() -> None:
     )
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "machines.csv")
-    for name, found in maps.items():
-        found.frame.to_csv(OUT / f"{name}.csv", index=False)
+    for name, frequencies in maps.items():
+        frequencies.frame.to_csv(OUT / f"{name}.csv", index=False)
         fig, axes = plots.figure(3)
-        found.plot(axes[0])
-        found.plot(axes[1], plane="reach")
-        plots.holding_pressure(found, axes[2])
+        frequencies.plot(axes[0])
+        frequencies.plot(axes[1], plane="reach")
+        plots.holding_pressure(frequencies, axes[2])
         plots.save(fig, OUT / f"{name}.png")
-        plots.save(plots.moment_arm_curves({name: found.machine}), OUT / f"{name}_moment_arms.png")
+        plots.save(
+            plots.moment_arm_curves({name: frequencies.machine}), OUT / f"{name}_moment_arms.png"
+        )
 
 
 if __name__ == "__main__":

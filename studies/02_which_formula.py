@@ -19,10 +19,10 @@ OUT = Path("out") / "02_which_formula"
 FORMULAS = {"locked": "each cylinder alone, others locked", "rigid": "static load as a mass"}
 
 
-def ratios(found: ad.FrequencyMap, formula: str) -> pd.Series[float]:
+def ratios(frequencies: ad.FrequencyMap, formula: str) -> pd.Series[float]:
     """Lowest frequency of a formula over the lowest coupled one, pose by pose."""
-    names = [f"{formula}_{cylinder.name}_hz" for cylinder in found.machine.cylinders]
-    return found.frame[names].min(axis=1) / found.frame["f1_hz"]
+    names = [f"{formula}_{cylinder.name}_hz" for cylinder in frequencies.machine.cylinders]
+    return frequencies.frame[names].min(axis=1) / frequencies.frame["f1_hz"]
 
 
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
@@ -33,18 +33,18 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
         for name, machine in machines.items()
     }
     rows = {}
-    for name, found in maps.items():
+    for name, frequencies in maps.items():
         for formula in FORMULAS:
-            ratio = ratios(found, formula)
-            median, p95 = percentiles(ratio.to_numpy(), found.weights, [50, 95])
-            worst = found.frame.iloc[int(ratio.to_numpy().argmax())]
+            ratio = ratios(frequencies, formula)
+            median, p95 = percentiles(ratio.to_numpy(), frequencies.weights, [50, 95])
+            worst = frequencies.frame.iloc[int(ratio.to_numpy().argmax())]
             rows[name, formula] = {
                 "median": median,
                 "p95": p95,
                 "worst": ratio.max(),
-                "lowest_pose": ratio.iloc[int(found.frame["f1_hz"].to_numpy().argmin())],
+                "lowest_pose": ratio.iloc[int(frequencies.frame["f1_hz"].to_numpy().argmin())],
                 "where": ", ".join(
-                    f"{joint} {worst[joint]:.2f}" for joint in found.machine.joints
+                    f"{joint} {worst[joint]:.2f}" for joint in frequencies.machine.joints
                 ),
                 "payload": worst["payload"],
             }
@@ -61,9 +61,9 @@ def main() -> None:
     table.to_csv(OUT / "ratios.csv")
     fig, axes = plots.figure(len(FORMULAS), 6.0, 4.2)
     for ax, (formula, title) in zip(axes, FORMULAS.items(), strict=True):
-        for name, found in maps.items():
-            percents, values = np.linspace(0, 100, 501), ratios(found, formula).to_numpy()
-            ax.plot(percents, percentiles(values, found.weights, percents), label=name)
+        for name, frequencies in maps.items():
+            percents, values = np.linspace(0, 100, 501), ratios(frequencies, formula).to_numpy()
+            ax.plot(percents, percentiles(values, frequencies.weights, percents), label=name)
         ax.set(xlabel="share of joint space [%]", title=title)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("formula / lowest coupled frequency")

@@ -30,7 +30,8 @@ def run() -> tuple[pd.DataFrame, dict[str, ad.Validation]]:
         for payload in machine.payloads
     }
     frames = [
-        found.frame.assign(machine=label.split(",")[0]) for label, found in validations.items()
+        validation.frame.assign(machine=label.split(",")[0])
+        for label, validation in validations.items()
     ]
     return pd.concat(frames, ignore_index=True), validations
 
@@ -60,7 +61,7 @@ def main() -> None:
     print(sweeps["remark"].value_counts().to_string())
     OUT.mkdir(parents=True, exist_ok=True)
     sweeps.to_csv(OUT / "sweeps.csv", index=False)
-    worst = {label: found.by_pose["worst"] for label, found in validations.items()}
+    worst = {label: validation.by_pose["worst"] for label, validation in validations.items()}
     plots.save(plots.frequency_responses(worst), OUT / "responses.png")
 
 

@@ -30,7 +30,7 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Pareto]]:
     free = replace(ad.Requirements.of(machine), thrust_share=THRUST)
     best = partial(ad.pareto, machine, workspace, free, "oil", OIL, bands=ad.Bands())
     best_free = partial(best, catalogue="free", starts=1 if fast else 3)
-    found = {case: best_free(vary=vary) for case, vary in CASES.items()}
+    trades = {case: best_free(vary=vary) for case, vary in CASES.items()}
     today = ad.frequency_map(machine, workspace).worst.frequency
     frames = []
     for volumes in PROPORTIONS.values():
@@ -38,10 +38,10 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Pareto]]:
         frame = pd.DataFrame({"limit": OIL, "frequency_hz": [m.worst.frequency for m in maps]})
         ratio = frame["frequency_hz"] / today
         frames.append(frame.assign(gain=ratio - 1, squared_times_speed=ratio**2 / frame["limit"]))
-    frames += [trade.frame for trade in found.values()]
-    cases = dict(zip((*PROPORTIONS, *found), frames, strict=True))
+    frames += [trade.frame for trade in trades.values()]
+    cases = dict(zip((*PROPORTIONS, *trades), frames, strict=True))
     table = pd.concat(cases, names=["case", None], join="inner").reset_index("case")
-    return table.set_index(["case", "limit"]), found
+    return table.set_index(["case", "limit"]), trades
 
 
 def scaled(machine: ad.Machine, share: float, volumes: bool) -> ad.Machine:
@@ -60,12 +60,12 @@ def main() -> None:
     """Print the table; save it with frequency and frequency² × speed drawn against oil."""
     from armdesign import plots
 
-    table, found = run()
+    table, trades = run()
     print(table.to_string(float_format="{:.3f}".format))
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "trade_off.csv")
     fig, (left, right) = plots.figure(2, 6.0, 4.6)
-    found["pins too"].plot(left)
+    trades["pins too"].plot(left)
     for case, rows in table.groupby("case", sort=False):
         right.plot(rows.loc[case].index, rows["squared_times_speed"], "o-", label=str(case))
     right.axhline(1.0, ls="--", color=plots.INK)

@@ -26,32 +26,32 @@ OUT = Path("out") / "08_calibration"
 def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Calibration]]:
     """Errors at every measured pose [%], and the calibrations; ``fast`` changes nothing."""
     sheet = ad.load(MACHINE).replace(DATA_SHEET)
-    found = {case: ad.calibrate(sheet, MEASURED, fit) for case, fit in FITS.items()}
-    found["three numbers"] = ad.calibrate(sheet.replace({AIR: 0.4}), MEASURED, ALL)
-    poses = found["one number"].frame
+    calibrations = {case: ad.calibrate(sheet, MEASURED, fit) for case, fit in FITS.items()}
+    calibrations["three numbers"] = ad.calibrate(sheet.replace({AIR: 0.4}), MEASURED, ALL)
+    poses = calibrations["one number"].frame
     table = pd.DataFrame({"measured_hz": poses["measured_hz"]})
     for case, machine in (("data sheet", sheet), ("shipped", ad.load(MACHINE))):
         at_rest = machine.with_payload("full").at(poses[list(machine.joints)].to_numpy())
         frequencies = ad.natural_modes(at_rest).frequencies[:, 0]
         table[f"{case}, valves shut"] = 100 * (frequencies / table["measured_hz"] - 1)
-    for case, calibration in found.items():
+    for case, calibration in calibrations.items():
         table[case] = 100 * calibration.frame["calibrated_error"]
         table[f"{case}, left out"] = 100 * calibration.frame["left_out_error"]
-    return table, found
+    return table, calibrations
 
 
 def main() -> None:
     """Print errors, values and findings; save the table and the picture of the one number."""
     from armdesign import plots
 
-    table, found = run()
+    table, calibrations = run()
     print(table.to_string(float_format="{:.2f}".format))
-    for case, calibration in found.items():
+    for case, calibration in calibrations.items():
         print(f"\n{case}\n{calibration.values.to_string()}")
         print("\n".join(f"- {line}" for line in calibration.findings))
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "errors.csv", index=False)
-    plots.save(plots.calibration_figure(found["one number"]), OUT / "one_number.png")
+    plots.save(plots.calibration_figure(calibrations["one number"]), OUT / "one_number.png")
 
 
 if __name__ == "__main__":

@@ -38,14 +38,14 @@ def run(fast: bool = False) -> pd.DataFrame:
     for stiffness in STIFFNESS:
         rocking = on_tracks(machine, stiffness)
         own = ad.Workspace.grid(rocking, points=[len(axis) for axis in workspace.axes])
-        found = ad.frequency_map(rocking, own)
+        frequencies = ad.frequency_map(rocking, own)
         rows.append(
             {
                 "stiffness_mn_m": 1e-6 * stiffness,
-                "worst_hz": found.worst.frequency,
-                "loss": 1 - found.worst.frequency / rigid.frequency,
-                "limits": found.worst.cylinder,
-                "carriage_share": found.limiting_shares["carriage"],
+                "worst_hz": frequencies.worst.frequency,
+                "loss": 1 - frequencies.worst.frequency / rigid.frequency,
+                "limits": frequencies.worst.cylinder,
+                "carriage_share": frequencies.limiting_shares["carriage"],
             }
         )
     return pd.DataFrame(rows)

@@ -51,8 +51,8 @@ EVERY = (
 @pytest.fixture(params=EVERY)
 def machine(request: pytest.FixtureRequest) -> ad.Machine:
     """Each machine in turn under its last load case, which is the loaded one."""
-    found = machines.named(request.param)
-    return found.with_payload(found.payloads[-1].name)
+    named = machines.named(request.param)
+    return named.with_payload(named.payloads[-1].name)
 
 
 @pytest.fixture(scope="session")

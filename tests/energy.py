@@ -28,9 +28,11 @@ class Energy:
         self.data = self.model.createData()
         names = [*machine.joints, *(spring.joint for spring in machine.springs)]
         self.joints = [self.model.joints[self.model.getJointId(n)] for n in names]
-        self.rest = np.concatenate([q, [spring.at for spring in machine.springs]])
-        self.lengths = self.of_actuators(self.rest)
-        slope = difference(lambda x: np.array([self.weight(row) for row in x]), self.rest[None])
+        self.equilibrium = np.concatenate([q, [spring.at for spring in machine.springs]])
+        self.lengths = self.of_actuators(self.equilibrium)
+        slope = difference(
+            lambda x: np.array([self.weight(row) for row in x]), self.equilibrium[None]
+        )
         self.preload = slope[0, len(q) :]
 
     def positions(self, x: np.ndarray) -> np.ndarray:
@@ -101,7 +103,7 @@ class Energy:
         stretch, springs = self.of_actuators(x) - self.lengths, self.machine.springs
         oil = 0.5 * self.poses.oil_stiffness[0] * stretch**2
         oil = oil - self.poses.cylinder_forces[0] * stretch
-        moved = (x - self.rest)[len(self.machine.joints) :]
+        moved = (x - self.equilibrium)[len(self.machine.joints) :]
         stiffness = np.array([spring.stiffness for spring in springs])
         return self.weight(x) + float(
             oil.sum() + (0.5 * stiffness * moved**2 - self.preload * moved).sum()
@@ -110,13 +112,15 @@ class Energy:
     def kinetic(self, velocity: np.ndarray) -> float:
         speeds = np.empty(self.model.nv)
         speeds[[joint.idx_v for joint in self.joints]] = velocity
-        at = self.positions(self.rest)
+        at = self.positions(self.equilibrium)
         links = pinocchio.computeKineticEnergy(self.model, self.data, at, speeds)
         step = 1e-5
 
         def moved(sign: float) -> np.ndarray:
-            return np.array([at for _, at in self.lumps(self.rest + sign * step * velocity)])
+            return np.array(
+                [at for _, at in self.lumps(self.equilibrium + sign * step * velocity)]
+            )
 
         speed = (8 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / (12 * step)
-        masses = np.array([m for m, _ in self.lumps(self.rest)])
+        masses = np.array([m for m, _ in self.lumps(self.equilibrium)])
         return float(links + 0.5 * (masses * (speed**2).sum(axis=1)).sum())

@@ -68,10 +68,10 @@ class PlanarArm:
                 if link not in self.links:  # the root
                     frames[link] = zero, zero, zero
                 else:
-                    here = self.links[link]
-                    x, z, angle = place(here.parent)
-                    turn = here.angle + (0 if here.joint is None else q[:, here.joint])
-                    frames[link] = *turned(x, z, angle, here.x, here.z), angle + turn
+                    body = self.links[link]
+                    x, z, angle = place(body.parent)
+                    turn = body.angle + (0 if body.joint is None else q[:, body.joint])
+                    frames[link] = *turned(x, z, angle, body.x, body.z), angle + turn
             return frames[link]
 
         for link in self.links:
@@ -84,10 +84,10 @@ class PlanarArm:
         """
         chain = []
         while link in self.links:
-            here = self.links[link]
-            if here.joint is not None:
-                chain.append((here.joint, link))
-            link = here.parent
+            body = self.links[link]
+            if body.joint is not None:
+                chain.append((body.joint, link))
+            link = body.parent
         return chain
 
     def lengths(self, q):

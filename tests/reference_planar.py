@@ -74,15 +74,15 @@ class Reference(PlanarArm):
         values = function(q)
         ranges = self.ranges_with(end_margin)
         spacing = (ranges[:, 1] - ranges[:, 0]) / (np.array(points) - 1)
-        found = []
+        lowest = []
         for _ in range(starts):
             if not np.isfinite(values).any():
                 break
             best = np.nanargmin(values)
-            found.append(self._zoom(function, values[best], q[best], spacing, ranges, payload))
+            lowest.append(self._zoom(function, values[best], q[best], spacing, ranges, payload))
             # next start: elsewhere
             values = np.where((abs(q - q[best]) <= 3 * spacing).all(axis=1), np.inf, values)
-        return min(found, key=lambda pair: pair[0])
+        return min(lowest, key=lambda pair: pair[0])
 
     def _zoom(self, function, value, best, spacing, ranges, payload):
         offsets = np.array(list(itertools.product(np.linspace(-1, 1, 5), repeat=len(best))))
@@ -106,15 +106,15 @@ class Reference(PlanarArm):
         today's workspace.
         """
         machine = workspace_of or self
-        found = []
+        lowest_of_cases = []
         for payload in self.payloads:
 
             def lowest(q: np.ndarray, payload: str = payload) -> np.ndarray:
                 return self.frequencies(q, payload)[:, 0]
 
             value, q = machine.smallest(lowest, end_margin, points, payload)
-            found.append((float(value), q, payload))
-        return min(found, key=lambda triple: triple[0])
+            lowest_of_cases.append((float(value), q, payload))
+        return min(lowest_of_cases, key=lambda triple: triple[0])
 
     # ---- requirements
     # ---------------------------------------------------------------------------------------------

@@ -54,7 +54,7 @@ def matrices_are_of_the_total_energy(case: AnyMachine) -> None:
         assert along @ mass @ along / 2 == pytest.approx(energy.kinetic(along), rel=1e-8)
 
         def potential(step: float, along: np.ndarray = along) -> float:
-            return energy.potential(energy.rest + step * STEP * along)
+            return energy.potential(energy.equilibrium + step * STEP * along)
 
         parts = [c * (potential(k) + potential(-k)) for k, c in enumerate(SECOND[1:], start=1)]
         curvature = (SECOND[0] * potential(0) + sum(parts)) / STEP**2
@@ -73,7 +73,7 @@ def stiffness_is_that_of_the_trapped_oil(case: AnyMachine) -> None:
 def moment_arms_are_differences_of_lengths(case: AnyMachine) -> None:
     energy, nq = Energy(case.machine, case.q[0]), len(case.machine.joints)
     slope = difference(
-        lambda x: np.array([energy.of_actuators(row) for row in x]), energy.rest[None]
+        lambda x: np.array([energy.of_actuators(row) for row in x]), energy.equilibrium[None]
     )
     poses = case.machine.at(case.q[:1])
     assert_allclose(poses.moment_arms[0], slope[0], atol=1e-9)

@@ -123,21 +123,21 @@ def test_designs_are_for_the_bands_of_the_file(
     printed = " ".join(capsys.readouterr().out.split())
     machine = ad.load(tmp_path / "own.toml")
     bands, space = ad.Bands.of(machine), ad.Workspace.grid(machine, [3, 3, 5])
-    found = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml")
-    worst = worst_within(found, space, bands, machine).frequency
+    optimized = ad.load(tmp_path / "a" / "excavator_20t_optimized.toml")
+    worst = worst_within(optimized, space, bands, machine).frequency
     made_for = "least gain"
     if "--least" in more:
         made_for = "lowest"
         assert worst >= 0.7
     else:
-        made = ad.size_cylinders(
+        design = ad.size_cylinders(
             machine,
             space,
             bands=ad.Bands() if "--nominal" in more else None,
             catalogue="5mm" if "--catalogue" in more else None,
         )
         made_for = "file's values alone" if "--nominal" in more else made_for
-        assert found.section == made.machine.section
+        assert optimized.section == design.machine.section
     assert f"{worst:.3f} Hz" in printed
     assert f"the new machine was designed for the {made_for}" in printed
 
@@ -207,8 +207,8 @@ def test_every_table_in_both_habits() -> None:
     or N.
     """
     machine = machines.named("excavator_20t")
-    found = ad.size_cylinders(machine, ad.Workspace.grid(machine, 4))
-    workshop, si = (design_sheets(found, units) for units in (WORKSHOP, SI))
+    design = ad.size_cylinders(machine, ad.Workspace.grid(machine, 4))
+    workshop, si = (design_sheets(design, units) for units in (WORKSHOP, SI))
     assert [len(sheet.rows) for sheet in workshop] == [len(sheet.rows) for sheet in si]
     assert workshop[2].rows[0][:3] == ("boom", "2 × 120.0", "85.0")
     assert si[2].rows[0][:3] == ("boom", "2 × 0.1200", "0.0850")

@@ -49,21 +49,23 @@ def test_a_share_for_all_alone_or_for_nobody_is_refused(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "asked",
+    "requirements",
     [
         {"moment_arm_share": "1.1", "pin_box_mm": "20"},
         # oil of the boom is asked for, and later again as enough: what was asked stays asked
         {"lift_share": "1.2", "oil_each_share": "0.8"},
     ],
 )
-def test_what_a_refusal_asks_for_gives_a_design(asked: dict[str, str], tmp_path: Path) -> None:
+def test_what_a_refusal_asks_for_gives_a_design(
+    requirements: dict[str, str], tmp_path: Path
+) -> None:
     assert of(tmp_path, "new", "boomer", "--links", "2", set_to={})[0] == 0
     words = ("optimize", "boomer/boomer.toml", "--points", "4", "--starts", "1", "--quiet")
-    code, refusal = of(tmp_path, *words, set_to=asked)
+    code, refusal = of(tmp_path, *words, set_to=requirements)
     line = refusal.splitlines()[0]
     assert code == 2, refusal
     assert "; relax " in line, refusal
     settings = dict(SETTING.findall(line.partition("; relax ")[2]))
     assert settings
-    code, text = of(tmp_path, *words, set_to=asked | settings)
+    code, text = of(tmp_path, *words, set_to=requirements | settings)
     assert code == 0, text

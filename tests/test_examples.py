@@ -32,8 +32,8 @@ PUBLIC = dict(functions())
 @pytest.mark.parametrize("name", PUBLIC)
 def test_its_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    found = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={})
-    assert found, f"{name} shows no example"
-    assert found[0].examples, f"{name} shows no example"
-    result = doctest.DocTestRunner().run(found[0])
+    examples = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={})
+    assert examples, f"{name} shows no example"
+    assert examples[0].examples, f"{name} shows no example"
+    result = doctest.DocTestRunner().run(examples[0])
     assert result.failed == 0

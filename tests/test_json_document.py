@@ -77,9 +77,9 @@ def test_every_number_has_a_meaning(document_of: Any, words: tuple[str, ...]) ->
 def test_tables_are_those_of_the_files(document_of: Any) -> None:
     answer = document_of("sensitivity", "paper_1dof", "--points", "3")
     written = pd.read_csv(Path(answer["folder"], "sensitivity.csv"))
-    told = pd.DataFrame(answer["tables"]["sensitivity"]).select_dtypes("number")
+    numbers = pd.DataFrame(answer["tables"]["sensitivity"]).select_dtypes("number")
     assert list(answer["tables"]["sensitivity"][0]) == list(written)
-    pd.testing.assert_frame_equal(told, written[told.columns], check_dtype=False, rtol=1e-8)
+    pd.testing.assert_frame_equal(numbers, written[numbers.columns], check_dtype=False, rtol=1e-8)
 
 
 def test_faults_are_in_the_document(document_of: Any, tmp_path: Path) -> None:

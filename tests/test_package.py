@@ -19,6 +19,7 @@ ROOMS = (
     *(
         "units",
         "errors",
+        "arguments",
         "text_files",
         "csv_rows",
         "streams",
@@ -246,18 +247,18 @@ def test_public_names() -> None:
 
 def public(tree: ast.Module) -> list[tuple[str, ast.FunctionDef | ast.ClassDef]]:
     """Public functions, classes and methods."""
-    found: list[tuple[str, ast.FunctionDef | ast.ClassDef]] = []
+    definitions: list[tuple[str, ast.FunctionDef | ast.ClassDef]] = []
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
-            found.append((node.name, node))
+            definitions.append((node.name, node))
             if isinstance(node, ast.ClassDef):
                 methods = [
                     m
                     for m in node.body
                     if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")
                 ]
-                found += [(f"{node.name}.{m.name}", m) for m in methods]
-    return found
+                definitions += [(f"{node.name}.{m.name}", m) for m in methods]
+    return definitions
 
 
 def section(docstring: str, title: str) -> list[str]:

@@ -114,11 +114,11 @@ def test_machines_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_the_shell_asks_for_words(tmp_path: Path) -> None:
     """What the shell's script calls while somebody types ``armdesign map pap<TAB>``."""
     script = "import sys; sys.argv = ['armdesign']; from armdesign import cli; cli.main()"
-    asked = {"_ARMDESIGN_COMPLETE": "complete_bash", "COMP_WORDS": "armdesign map pap"}
+    environment = {"_ARMDESIGN_COMPLETE": "complete_bash", "COMP_WORDS": "armdesign map pap"}
     done = subprocess.run(
         [sys.executable, "-c", script],
         cwd=tmp_path,
-        env={**os.environ, **asked, "COMP_CWORD": "2"},
+        env={**os.environ, **environment, "COMP_CWORD": "2"},
         capture_output=True,
         text=True,
         check=True,

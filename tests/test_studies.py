@@ -30,33 +30,33 @@ def test_paper_validation_finds_its_headline() -> None:
     four.
     """
     module = study("00_paper_validation")
-    found = re.search(
+    headline = re.search(
         r"\(11\) ([\d.]+) rad/s, \(42\) as printed ([\d.]+); .* within ([\d.]+) %",
         module.__doc__ or "",
     )
-    assert found is not None
+    assert headline is not None
     table, measured = module.run(fast=True)
     linear = table["linear"][["static_11", "joint_42_as_printed"]]
     # the printed digits
-    assert linear.to_list() == pytest.approx([float(found[1]), float(found[2])], abs=0.05)
+    assert linear.to_list() == pytest.approx([float(headline[1]), float(headline[2])], abs=0.05)
     off = abs(measured.identified / measured.computed["joint_exact"] - 1)
-    assert 100 * off.max() <= float(found[3])
+    assert 100 * off.max() <= float(headline[3])
 
 
 @pytest.mark.slow
 def test_baseline_map_finds_its_headline() -> None:
     module = study("01_baseline_map")
-    found = re.search(r"At ([\d.]+) Hz .* limits ≥ (\d+) %", module.__doc__ or "", re.S)
-    assert found is not None
+    headline = re.search(r"At ([\d.]+) Hz .* limits ≥ (\d+) %", module.__doc__ or "", re.S)
+    assert headline is not None
     table, maps = module.run(fast=True)
     assert len(maps) >= 6
     assert table.index[0] == "loader_crane"  # sorted: the lowest of all
     # the printed digits; refined
-    assert table["worst_hz"].iloc[0] == pytest.approx(float(found[1]), abs=5e-4)
+    assert table["worst_hz"].iloc[0] == pytest.approx(float(headline[1]), abs=5e-4)
     assert list(table["cylinder"]) == list(table["most_often"])
     assert set(table["cylinder"]) == {"boom", "lift"}
     # a coarse grid counts edges more
-    assert 100 * table["share"].min() == pytest.approx(float(found[2]), abs=4)
+    assert 100 * table["share"].min() == pytest.approx(float(headline[2]), abs=4)
 
 
 @pytest.mark.slow
@@ -66,10 +66,12 @@ def test_which_formula_finds_its_headline() -> None:
     medians, worst = (re.findall(rf"{mark}([\d.]+)", words) for mark in ("×", r"\+"))
     table, _ = module.run()
     rigid, locked = (table.xs(formula, level="formula") for formula in ("rigid", "locked"))
-    found = [rigid["median"].min(), rigid["median"].max(), rigid["worst"].max()]
-    assert found == pytest.approx([float(x) for x in medians], rel=0.02)  # printed with two digits
-    found = [100 * (locked["median"].max() - 1), 100 * (locked["worst"].max() - 1)]
-    assert found == pytest.approx([float(x) for x in worst], abs=1)
+    figures = [rigid["median"].min(), rigid["median"].max(), rigid["worst"].max()]
+    assert figures == pytest.approx(
+        [float(x) for x in medians], rel=0.02
+    )  # printed with two digits
+    figures = [100 * (locked["median"].max() - 1), 100 * (locked["worst"].max() - 1)]
+    assert figures == pytest.approx([float(x) for x in worst], abs=1)
     assert locked["median"].min() >= 1 - 1e-9, "interlacing"
 
 
@@ -94,9 +96,9 @@ def test_areas_only_finds_its_headline() -> None:
     table, designs = module.run(fast=True)
     assert not any(design.catalogue for design in designs.values())
     assert table.index[0] == "loader_crane"
-    found = [100 * table["gain"].max(), 100 * table["gain"]["excavator_20t"]]
+    gains = [100 * table["gain"].max(), 100 * table["gain"]["excavator_20t"]]
     # one decimal is printed; refined between poses
-    assert found == pytest.approx(printed[:2], abs=0.1)
+    assert gains == pytest.approx(printed[:2], abs=0.1)
     assert table["gain"][["paper_1dof", "patu_boom"]].abs().max() < 1e-9
     assert 100 * table["gap"].max() <= printed[2]
 
@@ -131,9 +133,9 @@ def test_speed_frequency_finds_its_headline() -> None:
     table = module.run(fast=True)[0]["squared_times_speed"]
     assert 100 * (table["all bores, dead volumes too"] - 1).abs().max() <= within
     assert 100 * (table["all bores, dead volumes fixed", 1.2] - 1) == pytest.approx(fixed, abs=0.5)
-    found = [table["cylinders", 1.0], table["pins too", 1.0]]
+    trades = [table["cylinders", 1.0], table["pins too", 1.0]]
     # squares of gains that a coarse grid has within 0.5 %
-    assert found == pytest.approx(printed, abs=0.02)
+    assert trades == pytest.approx(printed, abs=0.02)
 
 
 @pytest.mark.slow
@@ -262,7 +264,7 @@ def test_calibration_finds_its_headline() -> None:
     words = module.__doc__ or ""
     low, high = (float(n) for n in re.findall(r"\+(\d+) to \+(\d+) %", words)[0])
     one, left_out, two = (float(n) for n in re.findall(r"(\d\.\d) %", words))
-    table, found = module.run(fast=True)
+    table, calibrations = module.run(fast=True)
     moving = table[: module.MOVING]
     sheet = moving["data sheet, valves shut"]
     assert [sheet.min(), sheet.max()] == pytest.approx([low, high], abs=0.5)
@@ -276,7 +278,7 @@ def test_calibration_finds_its_headline() -> None:
     assert left_out < 3.5
     assert largest["shipped, valves shut"] < 2
     assert abs(table["one number"].iloc[-1]) < 1, "the window after the stop"
-    lines = " ".join(found["three numbers"].findings)
+    lines = " ".join(calibrations["three numbers"].findings)
     assert f"{module.MODULUS} and {module.AIR} look alike" in lines
     assert f"{module.COMPLIANCE} and {module.MODULUS} can be told apart" in lines
     shipped = ad.load("loader_crane").section.cylinder["lift"].compliance_m_per_N
@@ -287,14 +289,14 @@ def test_calibration_finds_its_headline() -> None:
 @pytest.mark.slow
 def test_recorded_manoeuvre_finds_its_headline() -> None:
     module = study("09_recorded_manoeuvre")
-    found = re.search(
+    headline = re.search(
         r"within (\d+) %, .* factor of ([\d.]+) and mean cap pressure within (\d+) %",
         (module.__doc__ or "").replace("\n", " "),
     )
-    assert found is not None
+    assert headline is not None
     table, _ = module.run()
     frequency, damping, pressure = (table[c] for c in table.columns if c.endswith("over measured"))
     assert len(table) == 6
-    assert 100 * (frequency - 1).abs().max() <= float(found[1]) <= 3
-    assert np.exp(np.abs(np.log(damping))).max() <= float(found[2]) < 1.5
-    assert 100 * (pressure - 1).abs().max() <= float(found[3]) <= 5
+    assert 100 * (frequency - 1).abs().max() <= float(headline[1]) <= 3
+    assert np.exp(np.abs(np.log(damping))).max() <= float(headline[2]) < 1.5
+    assert 100 * (pressure - 1).abs().max() <= float(headline[3]) <= 5

@@ -25,11 +25,11 @@ def test_as_a_module(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_terminal_without_our_signs(tmp_path: Path) -> None:
-    told = run("check", "paper_1dof", folder=tmp_path, PYTHONIOENCODING="ascii")
-    assert told.returncode == 0, told.stderr
-    assert told.stdout.isascii()
-    assert "\\u" not in told.stdout
-    assert "\\x" not in told.stdout
+    finished = run("check", "paper_1dof", folder=tmp_path, PYTHONIOENCODING="ascii")
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.isascii()
+    assert "\\u" not in finished.stdout
+    assert "\\x" not in finished.stdout
 
 
 @pytest.mark.slow
@@ -37,11 +37,11 @@ def test_a_terminal_without_our_signs(tmp_path: Path) -> None:
 @pytest.mark.parametrize("words", [["--help"], ["check", "paper_1dof"]])
 def test_a_full_device(words: list[str], tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
-        told = subprocess.run(
+        finished = subprocess.run(
             [*ARMDESIGN, *words], stdout=full, stderr=subprocess.PIPE, text=True, cwd=tmp_path
         )
-    assert told.returncode == 2
-    assert_one_line(told.stderr, "output: cannot be written (No space left on device)")
+    assert finished.returncode == 2
+    assert_one_line(finished.stderr, "output: cannot be written (No space left on device)")
     with open("/dev/full", "w") as full:
         assert subprocess.run([*ARMDESIGN, "map", "x"], stderr=full, cwd=tmp_path).returncode == 2
 
@@ -51,15 +51,15 @@ def test_a_package_inside_a_wheel(tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel, "w") as archive:
         for path in sorted((ROOT / "armdesign").rglob("*.py")):
             archive.write(path, path.relative_to(ROOT))
-    told = subprocess.run(
+    finished = subprocess.run(
         [sys.executable, "-m", "armdesign", "check", "paper_1dof"],
         capture_output=True,
         text=True,
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(wheel)},
     )
-    assert told.returncode == 2, told.stderr
-    assert_one_line(told.stderr, f"cannot run from within {wheel}; install it: pip install")
+    assert finished.returncode == 2, finished.stderr
+    assert_one_line(finished.stderr, f"cannot run from within {wheel}; install it: pip install")
 
 
 @pytest.mark.parametrize("name", ["con", "NUL", "Com1"])
@@ -83,7 +83,9 @@ def test_empty_and_huge_options(words: list[str], message: str, refused: Refused
 
 @pytest.mark.slow
 def test_without_the_compiler(tmp_path: Path) -> None:
-    told = run("validate", "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1")
-    assert told.returncode == 2
-    assert_one_line(told.stderr, "NUMBA_DISABLE_JIT: simulations need numba's compiler")
+    finished = run(
+        "validate", "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1"
+    )
+    assert finished.returncode == 2
+    assert_one_line(finished.stderr, "NUMBA_DISABLE_JIT: simulations need numba's compiler")
     assert run("check", "paper_1dof", folder=tmp_path, NUMBA_DISABLE_JIT="1").returncode == 0

@@ -44,13 +44,13 @@ def one_joint() -> str:
     machine = ad.load("paper_1dof")
     mechanism = grid(machine)
     exact = mechanism.frequencies["joint_exact"]
-    found = []
+    lines = []
     for mass, length in np.broadcast(mechanism.load_mass, mechanism.link_length):
         place = [1000 * float(length), 0, 1000 * float(mechanism.link_pin_distance)]
         changes = {"payload.load.mass_kg": float(mass), "payload.load.at_mm": place}
         modes = ad.natural_modes(machine.replace(changes).at([[0.0]]))
-        found.append(modes.frequencies[0, 0])
-    return decade(np.abs(np.array(found) / exact - 1).max())
+        lines.append(modes.frequencies[0, 0])
+    return decade(np.abs(np.array(lines) / exact - 1).max())
 
 
 def worst_of(machine: ad.Machine) -> str:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.calibration import words
 from armdesign.calibration.fit import Fit, LeastSquares, determined, left_out, refuse_too_few
@@ -170,6 +171,7 @@ class Calibration:
 KEYS = ("value", "deviation", "low", "high")
 
 
+@checked
 def calibrate(
     machine: Machine,
     measured: Measured | pd.DataFrame | str | Path,

@@ -198,12 +198,13 @@ def determined(problem: LeastSquares) -> tuple[Fit, Fit | None, dict[str, float]
         if now.deviations[loosest] <= LOOSE:
             return of_all, now, loose
         loose[now.problem.unknowns[loosest].path] = float(now.deviations[loosest])
-        rest = np.arange(len(now.u)) != loosest
-        left = tuple(one for one, kept in zip(now.problem.unknowns, rest, strict=True) if kept)
+        determined = np.arange(len(now.u)) != loosest
+        pairs = zip(now.problem.unknowns, determined, strict=True)
+        left = tuple(unknown for unknown, kept in pairs if kept)
         if not left:
             return of_all, None, loose
         smaller = LeastSquares(problem.machine, problem.predictor, left)
-        now = fitted(smaller, now.u[rest])
+        now = fitted(smaller, now.u[determined])
 
 
 def left_out(fit: Fit) -> Array:

@@ -119,8 +119,8 @@ def _stiffness(machine: Machine, measured: Measured, rows: Array, poses: Poses) 
         force = poses.cylinder_forces[:, i]
         both = actuator.static_pressures(force, machine.supply)
         own = [
-            np.where(np.isfinite(told), told, rest)
-            for told, rest in zip(measured.pressures[rows, i].T, both, strict=True)
+            np.where(np.isfinite(pressure), pressure, static)
+            for pressure, static in zip(measured.pressures[rows, i].T, both, strict=True)
         ]
         extension = poses.lengths[:, i] - actuator.closed_length + actuator.compliance * force
         cap, annulus = actuator.capacities(extension, (own[0], own[1]), machine.fluid)

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, Filter
 from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
@@ -166,6 +167,7 @@ class BandwidthMap(ReadOnly):
         return plots.bandwidth_map(self, ax, scheme, **limits)
 
 
+@checked
 def bandwidth_map(
     machine: Machine,
     workspace: Workspace | None = None,

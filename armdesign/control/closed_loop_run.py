@@ -87,12 +87,12 @@ class _ControlledArm:
     controller: Controller
     valves: list[SymmetricValve]
     target: Array  # joint positions (nq,)
-    rest: Array  # state of the plant and of the filters at rest (size + nc,)
+    equilibrium: Array  # state of plant and filters (size + nc,)
 
     @cached_property
     def opening(self) -> Array:
         """Openings of the valves at rest (nc,)."""
-        spools = self.plant.split(self.rest[: self.plant.size])[4]
+        spools = self.plant.split(self.equilibrium[: self.plant.size])[4]
         pairs = zip(self.valves, spools, strict=True)
         return np.array([float(valve.opening(spool)) for valve, spool in pairs])
 
@@ -113,7 +113,7 @@ class _ControlledArm:
         ns = size - 2 * nc
         speed, rate = swing[ns : ns + nc], swing[ns + nc : ns + 2 * nc]
         spools, slope = self.spools(speed[None])[0], self._slope(speed)
-        state = self.rest.copy()
+        state = self.equilibrium.copy()
         state[:ns] += swing[:ns]
         state[ns:size] = np.concatenate([spools, rate * slope])
         state[size:] += swing[-nc:]
@@ -122,7 +122,7 @@ class _ControlledArm:
     def to_linear(self, states: Array) -> Array:
         """States (n, m) of the linear closed loop from small swings (n, size + nc)."""
         nc, size = self.plant.nc, self.plant.size
-        ns, away = size - 2 * nc, states - self.rest
+        ns, away = size - 2 * nc, states - self.equilibrium
         opened = np.array(
             [
                 valve.opening(x)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.control.bandwidth_map import BandwidthMap
 from armdesign.control.controller import Controller
@@ -64,6 +65,7 @@ class GainSchedule:
         return plots.gain_schedule(self)
 
 
+@checked
 def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainSchedule:
     """The gains of a bandwidth map, interpolated over the joints.
 

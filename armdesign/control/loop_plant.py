@@ -113,9 +113,10 @@ class LoopPlant(ReadOnly):
     @cached_property
     def _modal(self) -> tuple[Array, Array, Array]:
         """Poles (n, ns), outputs by modal states (n, nq + nc, ns), these by v (n, ns, nc)."""
-        poles, shapes = np.linalg.eig(self.A)
-        shapes[self._defective] = np.eye(self.A.shape[1])
-        return poles, self._outputs @ shapes, np.linalg.solve(shapes, self.B.astype(complex))
+        poles, eigenvectors = np.linalg.eig(self.A)
+        eigenvectors[self._defective] = np.eye(self.A.shape[1])
+        seen = self._outputs @ eigenvectors
+        return poles, seen, np.linalg.solve(eigenvectors, self.B.astype(complex))
 
     @cached_property
     def _defective(self) -> Flags:

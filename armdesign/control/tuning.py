@@ -90,12 +90,12 @@ class Task:
 
     def without_units(self, controller: Controller) -> tuple[Array, Array]:
         """Gains κ (n, nq) and η (n, nc) of controllers."""
-        unit = self.controller(*_shapes(self, 1.0))
+        unit = self.controller(*_unit_gains(self, 1.0))
         return controller.position / unit.position, controller.pressure / unit.pressure
 
     def tried(self, candidate: Gains, factor: Array) -> Controller:
         """The controllers of a candidate with factors (n,) on its position gains."""
-        kappa, eta = _shapes(self)
+        kappa, eta = _unit_gains(self)
         return self.controller(kappa * candidate.kappa * factor[:, None], eta + candidate.eta)
 
     def largest(self, candidate: Gains, least: Array) -> Array:
@@ -166,7 +166,7 @@ def best_of(task: Task, candidates: Sequence[Gains]) -> Tuned:
 
     The position gains of each candidate are made as large as the margin allows.
     """
-    kappa, eta = _shapes(task)
+    kappa, eta = _unit_gains(task)
     kappa, widest = 0.0 * kappa, np.zeros(len(kappa))
     for candidate in candidates:
         factor = task.largest(candidate, WIDER * widest / candidate.width)
@@ -258,7 +258,7 @@ def _decays(plant: LoopPlant, poles: Array) -> Flags:
     return np.asarray(poles.real.max(axis=1) < CREEP * plant.omega + CREEPING * plant.creep)
 
 
-def _shapes(task: Task, feedback: float = 0.0) -> tuple[Array, Array]:
+def _unit_gains(task: Task, feedback: float = 0.0) -> tuple[Array, Array]:
     """Gains 1 of all position loops (n, nq), and of all pressure feedbacks (n, nc)."""
     n, nc, nq = task.plant.moment_arms.shape
     return np.ones((n, nq)), np.full((n, nc), feedback)

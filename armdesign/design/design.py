@@ -64,7 +64,7 @@ class Design:
         problem: the problem that was solved.
         x: the optimum before rounding.
         watched: rows of the problem that the search kept an eye on.
-        selection: the sizes of a catalogue and their proof, where nothing but sizes varied; None
+        best_sizes: the sizes of a catalogue and their proof, where nothing but sizes varied; None
             otherwise.
         bandwidths: least bandwidth of today's machine, of the one of the highest worst frequency
             and of this one [Hz], where that was the objective; None otherwise.
@@ -85,7 +85,7 @@ class Design:
     problem: Problem
     x: Array
     watched: Array
-    selection: SizeSelection | None = None
+    best_sizes: SizeSelection | None = None
     bandwidths: tuple[float, float, float] | None = None
 
     @classmethod
@@ -93,7 +93,7 @@ class Design:
         cls,
         search: Search,
         starts: Starts,
-        selection: SizeSelection | None = None,
+        best_sizes: SizeSelection | None = None,
         rounded: CheckedMachine | None = None,
         *,
         command: str,
@@ -109,7 +109,7 @@ class Design:
         rounded = rounded or rounded_machine(search)
         if rounded is None:
             raise not_written(search)
-        problem, priced = search.problem, {} if selection else prices(search)
+        problem, priced = search.problem, {} if best_sizes else prices(search)
         machine = with_todays_structure(rounded.machine, problem.machine)
         return cls(
             machine=documented(machine, problem, command),
@@ -125,7 +125,7 @@ class Design:
             problem=problem,
             x=search.x,
             watched=search.rows,
-            selection=selection,
+            best_sizes=best_sizes,
         )
 
     @property
@@ -229,9 +229,10 @@ class Design:
         if self.made_for == "bandwidth":
             return None
         # else sizes were chosen with masses held
-        if self.selection is not None and self.problem.vector.moving_masses is None:
+        if self.best_sizes is not None and self.problem.vector.moving_masses is None:
             words = ("today's workspace and load cases", "today's pins", "sizes of the catalogue")
-            most, refused = self.selection.bound, "the one of all combinations lies below the best"
+            most = self.best_sizes.bound
+            refused = "the one of all combinations lies below the best"
             refused = "" if math.isfinite(most) else refused
             bound = Bound(frequency=most, held=(), assumptions=words, refused=refused)
             return bound.above(self.unrounded)
@@ -275,10 +276,12 @@ class Design:
         loads = static_loads(self.machine, self.workspace)
         areas = areas_of(self.machine.actuators)
         both = np.stack([areas, SMALLER * areas])
-        names, (here, there) = slacks(
+        names, slack_pair = slacks(
             self.machine, both, self.today, self.workspace, self.requirements, loads
         )
         dependent = {
-            name for name, slack, other in zip(names, here, there, strict=True) if slack != other
+            name
+            for name, slack, smaller in zip(names, *slack_pair, strict=True)
+            if slack != smaller
         }
         return sorted((c for c in self.checks if c.name in dependent), key=lambda c: c.slack)

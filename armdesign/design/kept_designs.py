@@ -61,7 +61,7 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
         "sizes": own.sizes,
         "x": design.x.tolist(),
         "watched": design.watched.tolist(),
-        "selection": design.selection and asdict(design.selection),
+        "best_sizes": design.best_sizes and asdict(design.best_sizes),
         **{name: getattr(design, name) for name in NUMBERS},
     }
 
@@ -82,13 +82,13 @@ def fields_of(answer: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
         "problem": problem,
         "x": np.array(answer["x"]),
         "watched": np.array(answer["watched"], dtype=int),
-        "selection": _selection(answer["selection"]),
+        "best_sizes": _best_sizes(answer["best_sizes"]),
         **{name: answer[name] for name in NUMBERS},
         **{name: tuple(answer[name]) for name in ("starts", "failed_starts")},
     }
 
 
-def _selection(fields: Mapping[str, Any] | None) -> SizeSelection | None:
+def _best_sizes(fields: Mapping[str, Any] | None) -> SizeSelection | None:
     if fields is None:
         return None
     sizes = tuple((bore, rod) for bore, rod in fields["sizes"])

@@ -4,7 +4,7 @@ The best worst frequency never falls when a limit is loosened. So the least amou
 *best frequency under that limit = frequency asked for*, found by the secant rule within a bracket;
 each search starts from the last answer.
 
-With a catalogue and given pins each search is a selection with its proof, and the bracket closes
+With a catalogue and given pins each search chooses sizes with their proof, and the bracket closes
 on an amount that a combination uses: under a little less none is enough. Where pins vary, sizes
 are chosen under the least amount of free sizes, the amount follows the sizes, and both are
 repeated: sizes that need less are sizes that reach more under the same limit.
@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.design.catalogue.alternation import (
     improve_in_turn,
     refuse_fixed_sizes,
@@ -57,6 +58,7 @@ TURNS = 5  # of sizes for an amount and the amount for sizes
 ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016, 0.032, 0.064, 0.128, 0.256)
 
 
+@checked
 def least(
     machine: Machine,
     workspace: Workspace | None = None,
@@ -94,7 +96,7 @@ def least(
         bands: what is not known exactly: the worst frequency within them is then what may not fall
             below.
         catalogue: as in ``optimize``. Where no pin varies the answer is the least of all
-            combinations; ``selection.below`` says whether that is proved.
+            combinations; ``best_sizes.below`` says whether that is proved.
 
     Raises:
         InfeasibleError: no amount is enough, because other requirements limit the frequency.
@@ -121,10 +123,10 @@ def least(
     )  # fmt: skip
     least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
 
-    def found() -> Design:
+    def search_for_design() -> Design:
         if sizes is not None and not problem.vector.moving:
-            search, selection = least_amount.with_given_pins(sizes)
-            return Design.of(search, Starts((selection.frequency,)), selection, command=command)
+            search, best_sizes = least_amount.with_given_pins(sizes)
+            return Design.of(search, Starts((best_sizes.frequency,)), best_sizes, command=command)
         search, outcomes = least_amount.under_today(starts, seed, workers)
         search = least_amount.search(search)
         if sizes is not None:
@@ -133,7 +135,7 @@ def least(
 
     if sizes is not None:
         refuse_fixed_sizes(problem)
-    return finished_design(Design, problem, [command, repr(sizes)], found)
+    return finished_design(Design, problem, [command, repr(sizes)], search_for_design)
 
 
 def amount_of(machine: Machine, today: Machine, of: str) -> float:
@@ -193,23 +195,23 @@ class LeastAmount:
 
     def with_given_pins(self, sizes: Sizes) -> tuple[Search, SizeSelection]:
         """The combination that needs least with today's pins; of equals the best one."""
-        search, selection = self._select(WIDEST * self._today, sizes)
+        search, best_sizes = self._select(WIDEST * self._today, sizes)
         if _frequency(search) < self.frequency:
             raise self._out_of_reach(_frequency(search))
         low, below = self._today / WIDEST**2, math.inf
-        while low < (guess := _between(low, self._used(selection))):
+        while low < (guess := _between(low, self._used(best_sizes))):
             try:
                 search, other = self._select(guess, sizes)
             except InfeasibleError as error:
                 low, below = guess, math.inf if isinstance(error, UntriedError) else 0.0
                 continue
             if _frequency(search) >= self.frequency:
-                selection = other
+                best_sizes = other
             else:
                 low, below = guess, other.bound
-        search, selection = self._select(self._used(selection), sizes)
+        search, best_sizes = self._select(self._used(best_sizes), sizes)
         proved = self.problem.vector.moving_masses is None
-        return search, replace(selection, below=below if proved else math.inf)
+        return search, replace(best_sizes, below=below if proved else math.inf)
 
     def rounded(self, search: Search, outcomes: Starts, command: str) -> Design:
         """The rounded design, under a little more where rounding costs too much."""
@@ -251,10 +253,10 @@ class LeastAmount:
         change: dict[str, Any] = {AMOUNTS[self.of]: amount}
         return replace(problem, requirements=replace(problem.requirements, **change))
 
-    def _used(self, selection: SizeSelection) -> float:
+    def _used(self, best_sizes: SizeSelection) -> float:
         """Amount that a combination needs."""
         today = self.problem.machine
-        pairs = zip(today.cylinders, selection.sizes, strict=True)
+        pairs = zip(today.cylinders, best_sizes.sizes, strict=True)
         cylinders = tuple(replace(c, bore=bore, rod=rod) for c, (bore, rod) in pairs)
         return amount_of(replace(today, cylinders=cylinders), today, self.of)
 

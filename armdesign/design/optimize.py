@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
@@ -93,6 +94,7 @@ def design_of(
     return Design.of(search, reached, rounded=rounded, command=command)
 
 
+@checked
 def size_cylinders(
     machine: Machine,
     workspace: Workspace | None = None,
@@ -165,5 +167,5 @@ def _names(machine: Machine) -> tuple[str, ...]:
 
 
 def _of_catalogue(problem: Problem, sizes: Sizes, command: str) -> Design:
-    search, selection = sizes_for_pins(problem, sizes)
-    return Design.of(search, Starts((selection.frequency,)), selection, command=command)
+    search, best_sizes = sizes_for_pins(problem, sizes)
+    return Design.of(search, Starts((best_sizes.frequency,)), best_sizes, command=command)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.optimize import best_frequency
@@ -106,6 +107,7 @@ class Pareto:
         return plots.trade_off(self, ax)
 
 
+@checked
 def pareto(
     machine: Machine,
     workspace: Workspace | None = None,

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.kept_designs import form
@@ -140,6 +141,7 @@ class Steps:
         return [f"{count} pins are left out: {why}" for count, why in self.left_out.items()]
 
 
+@checked
 def steps(
     machine: Machine,
     workspace: Workspace | None = None,
@@ -280,7 +282,7 @@ def _designs(
     def identity(k: int) -> Any:
         return [searches[k].problem.identity, command, repr(sizes), searches[k].x.tolist()]
 
-    def found(numbers: list[int]) -> Iterator[tuple[int, Design | InfeasibleError]]:
+    def designs_of(numbers: list[int]) -> Iterator[tuple[int, Design | InfeasibleError]]:
         some = ((k, searches[k]) for k in numbers)
         tasks = (delayed(_design)(k, s.problem, s.x, sizes, command) for k, s in some)
         yield from Parallel(workers, return_as="generator_unordered")(tasks)
@@ -289,7 +291,7 @@ def _designs(
         return None if isinstance(design, InfeasibleError) else designs.write(k, design)
 
     both: Form[Design | InfeasibleError] = Form(write=write, read=designs.read)
-    return all_finished("design", len(searches), identity, found, both)
+    return all_finished("design", len(searches), identity, designs_of, both)
 
 
 def _design(

@@ -50,10 +50,8 @@ class DrawnBody:
 
 def bodies(machine: Machine, plane: PicturePlane) -> tuple[DrawnBody, ...]:
     """Bodies of a machine: the one that stands still, then of each coordinate (k + 1)."""
-    arm, shapes = (
-        machine.arm,
-        visuals(machine.urdf_text, (machine.source.parent / (machine.section.urdf or "")).parent),
-    )
+    arm, folder = machine.arm, (machine.source.parent / (machine.section.urdf or "")).parent
+    of_links = visuals(machine.urdf_text, folder)
     groups = [
         tuple(name for name, link in arm.links.items() if link.joint == joint)
         for joint in range(-1, len(arm.coordinates))
@@ -64,7 +62,7 @@ def bodies(machine: Machine, plane: PicturePlane) -> tuple[DrawnBody, ...]:
     drawn = []
     for links, own in zip(groups, points, strict=True):
         seen = {
-            "visuals": [_of_visuals(plane, link, shapes[link]) for link in links],
+            "visuals": [_of_visuals(plane, link, of_links[link]) for link in links],
             "outline": [_of_outline(machine, plane, link) for link in links],
             "pins": [_hull(own, HULL * size)],
         }
@@ -80,9 +78,9 @@ def distance(polygons: Iterable[Array], point: Array) -> float:
     """Distance [m] of a point (2,) from the nearest of some polygons; 0 within, inf from none."""
     import shapely
 
-    shapes = [shapely.Polygon(polygon) for polygon in polygons]
+    outlines = [shapely.Polygon(polygon) for polygon in polygons]
     at = shapely.Point(point)
-    return min((shape.distance(at) for shape in shapes), default=np.inf)
+    return min((shape.distance(at) for shape in outlines), default=np.inf)
 
 
 def area_between(lines: Iterable[Sequence[Array]], first: Iterable[Array] | None) -> Any:
@@ -129,13 +127,13 @@ def _back(plane: PicturePlane, link: str) -> Array:
     return np.concatenate([inverse, -inverse @ matrix[:, 2:]], axis=1)
 
 
-def _of_visuals(plane: PicturePlane, link: str, shapes: Iterable[Any]) -> Any:
+def _of_visuals(plane: PicturePlane, link: str, of_link: Iterable[Any]) -> Any:
     """All visuals of a link as one shape in the picture, all joints at 0."""
     import shapely
 
     arm, rotation = plane.arm, plane.arm.link_rotation(plane.zero, link)[0]
     foot = arm.point(plane.zero, link, np.zeros(3))[0]
-    pieces = [plane.project(convex_pieces(shape) @ rotation.T + foot) for shape in shapes]
+    pieces = [plane.project(convex_pieces(shape) @ rotation.T + foot) for shape in of_link]
     hulls = [
         shapely.convex_hull(shapely.multipoints(corners)) for piece in pieces for corners in piece
     ]

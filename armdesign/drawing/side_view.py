@@ -233,13 +233,14 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
     """
     z, arm = _coordinates(machine, q), machine.arm
     plane = PicturePlane(arm, machine.tool.link)
-    poses, shapes = plane.poses(z), known.bodies if known is not None else bodies(machine, plane)
-    where = {link: index for index, body in enumerate(shapes) for link in body.links}
-    placements = np.stack([plane.placements(poses, body.link) for body in shapes], axis=1)
+    poses = plane.poses(z)
+    drawn_bodies = known.bodies if known is not None else bodies(machine, plane)
+    where = {link: index for index, body in enumerate(drawn_bodies) for link in body.links}
+    placements = np.stack([plane.placements(poses, body.link) for body in drawn_bodies], axis=1)
     pins, points, cylinders, bars, lengths = _between_pins(machine, plane, poses, where)
     loads = [load for load in machine.payloads if load.link is not None and load.mass > 0]
     return SideView(
-        bodies=shapes,
+        bodies=drawn_bodies,
         placements=placements,
         pins=tuple(pins),
         points=plane.project(np.stack(points, axis=1)) if points else np.zeros((len(z), 0, 2)),
@@ -262,8 +263,8 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
             load.name: plane.project(arm.point(poses, str(load.link), np.array(load.at)))
             for load in loads
         },
-        arcs=joint_arcs(machine, plane, shapes),
-        ground=_ground(plane, shapes[0]),
+        arcs=joint_arcs(machine, plane, drawn_bodies),
+        ground=_ground(plane, drawn_bodies[0]),
     )
 
 

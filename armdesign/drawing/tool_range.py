@@ -58,7 +58,7 @@ def _motions(plane: PicturePlane, j: int, lower: float, upper: float) -> Array:
     q = np.zeros((max(count, 2), len(arm.joints)))
     q[:, j] = np.linspace(lower, upper, len(q))
     link = next(name for name, body in arm.links.items() if body.joint == j)
-    there, rest = plane.placements(plane.poses(q), link), plane.placements(plane.zero, link)[0]
-    turn = there[:, :, :2] @ np.linalg.inv(rest[:, :2])
-    shift = there[:, :, 2] - turn @ rest[:, 2]
+    moved, at_zero = plane.placements(plane.poses(q), link), plane.placements(plane.zero, link)[0]
+    turn = moved[:, :, :2] @ np.linalg.inv(at_zero[:, :2])
+    shift = moved[:, :, 2] - turn @ at_zero[:, 2]
     return np.concatenate([turn, shift[:, :, None]], axis=2)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.errors import ArmDesignError
 from armdesign.exchange.dxf import write_dxf
 from armdesign.exchange.pin_table import pin_table
@@ -24,6 +25,7 @@ FORMATS = {  # what each ends in: what is left of a file's name when the machine
 }
 
 
+@checked
 def export(machine: Machine, path: str | Path, pose: ArrayLike | None = None) -> Path:
     """Write a machine for other programs, in the format that the file's name ends in.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.machine.poses import joint_positions
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Row = tuple[str, str, str, Array]  # link, pin, kind, place in the link's frame [m]
 
 
+@checked
 def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
     """Pins of cylinders and four-bars, joints and tool, a row for each link that has it.
 

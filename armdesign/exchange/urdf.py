@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.drawing.visuals import mesh_file
 from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
@@ -36,6 +37,7 @@ def reference(machine: Machine) -> Array:
     return np.asarray(np.clip(np.zeros(len(machine.joints)), *machine.ranges.T))
 
 
+@checked
 def robot_positions(machine: Machine, q: ArrayLike) -> pd.DataFrame:
     """Positions of every movable joint of the machine's exported URDF, a row for each pose.
 
@@ -61,9 +63,9 @@ def robot_positions(machine: Machine, q: ArrayLike) -> pd.DataFrame:
     poses = joint_positions(machine, q)
     robot = ET.fromstring(machine.urdf_text)
     movable = [str(j.get("name")) for j in robot.findall("joint") if j.get("type") in MOVABLE]
-    still = dict.fromkeys(movable, 0.0) | machine.section.frozen
-    still |= {spring.joint: spring.at for spring in machine.springs}
-    columns = {name: np.full(len(poses), still[name]) for name in movable}
+    fixed = dict.fromkeys(movable, 0.0) | machine.section.frozen
+    fixed |= {spring.joint: spring.at for spring in machine.springs}
+    columns = {name: np.full(len(poses), fixed[name]) for name in movable}
     columns |= dict(zip(machine.joints, poses.T, strict=True))
     bodies = cylinder_bodies(machine, poses, reference(machine))
     return pd.DataFrame(columns | {body.name: body.positions for body in bodies})

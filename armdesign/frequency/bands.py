@@ -27,6 +27,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
@@ -57,7 +58,7 @@ class Bands:
         link_mass: of every link's mass and inertia; bars of cylinders and four-bars stay as they
             are.
         air: entrained air itself, volume share at atmospheric pressure; None: the machine's.
-        structure: compliance in series with each actuator, over that of its oil at mid stroke,
+        structure: series compliance of each actuator over its oil's compliance at mid stroke,
             0 where the structure is rigid; None: the machine's own.
         structures: the same of single actuators, by name, before ``structure``.
         spring_stiffness: of all springs, on which the machine's passive joints yield.
@@ -151,7 +152,7 @@ class Bands:
     ) -> tuple[F, ...]:
         """Actuators that are or could be a machine's, with dead volumes and structure of an end.
 
-        Those of one name have the structure that ``today``'s machine has there.
+        Actuators of one name have the structure that ``today``'s machine has there.
         """
         volume, named = self.dead_volume[softest], {one.name: one for one in today.actuators}
         for name in self.structures or ():
@@ -292,6 +293,7 @@ class FrequencyBand:
         return [*map(_frequency, self.scenarios), *self.between, self.nominal]
 
 
+@checked
 def frequency_band(
     machine: Machine,
     workspace: Workspace,

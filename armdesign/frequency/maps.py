@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly, congruent, percentiles, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
@@ -203,6 +204,7 @@ class FrequencyMap(ReadOnly):
         return notebook.of_map(self)
 
 
+@checked
 def frequency_map(machine: Machine, workspace: Workspace | None = None) -> FrequencyMap:
     """Natural frequencies of every load case at every pose of a workspace, and the worst pose.
 

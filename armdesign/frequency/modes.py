@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, ReadOnly, chunks, congruent, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
@@ -54,6 +55,7 @@ class Modes(ReadOnly):
         return plots.modes_by_pose(self, ax)
 
 
+@checked
 def natural_modes(poses: Poses) -> Modes:
     """Coupled, locked and rigid-load natural frequencies, valves closed and without damping.
 
@@ -173,8 +175,8 @@ def _in_span(rows: Array, row: Array) -> Flags:
     """Whether each of the rows (n, k, nq) is a multiple of ``row`` (n, nq): (n, k)."""
     squared = (row**2).sum(axis=1)[:, None, None]
     along = (rows @ row[:, :, None]) / np.where(squared > 0, squared, 1.0)
-    rest = rows - along * row[:, None, :]
-    return np.asarray(np.linalg.norm(rest, axis=2) <= PARALLEL * np.linalg.norm(rows, axis=2))
+    across = rows - along * row[:, None, :]
+    return np.asarray(np.linalg.norm(across, axis=2) <= PARALLEL * np.linalg.norm(rows, axis=2))
 
 
 def _null_spaces(held: Array) -> list[tuple[Array, Array]]:

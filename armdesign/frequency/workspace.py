@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, ReadOnly, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
@@ -62,6 +63,7 @@ class Workspace(ReadOnly):
     cells: tuple[Array, Array] | None = None
 
     @classmethod
+    @checked
     def grid(
         cls,
         machine: Machine,

@@ -70,9 +70,9 @@ class _Compass:
     def directions(self, random: np.random.Generator) -> Array:
         """All directions of a round (d, nq), of length one over the joints' ranges."""
         chance = random.standard_normal((RANDOM, len(self._span)))
-        still = random.random(chance.shape) < STILL
-        still[still.all(axis=1)] = False
-        chance[still] = 0.0
+        unmoved = random.random(chance.shape) < STILL
+        unmoved[unmoved.all(axis=1)] = False
+        chance[unmoved] = 0.0
         chance /= np.linalg.norm(chance, axis=1)[:, None]
         ways = np.concatenate([self._fixed, chance * self._span])
         return np.concatenate([ways, -ways])

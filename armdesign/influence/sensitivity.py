@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
@@ -255,6 +256,7 @@ def _change(change: float) -> str:
     return f"{1e3 * change:+.{digits}f}" if np.isfinite(change) else "–"
 
 
+@checked
 def sensitivity(
     machine: Machine, workspace: Workspace | None = None, within: float = WITHIN
 ) -> Sensitivity:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
@@ -229,6 +230,7 @@ class Tolerances(ReadOnly):
         return plots.distribution(self, ax)
 
 
+@checked
 def tolerances(
     machine: Machine,
     workspace: Workspace | None = None,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import Workspace
@@ -72,8 +73,8 @@ class WhatIf:
         hertz = self._numbers["unit"] == "Hz"
         others = self._numbers[~lift & ~hertz]
         moved = others[~(others["change"].abs() < UNCHANGED) & others["before"].notna()]
-        still = len(others) - len(moved)
-        note = f"{still} others do not change; all are in what_if.csv"
+        unchanged = len(others) - len(moved)
+        note = f"{unchanged} others do not change; all are in what_if.csv"
         sheets = [
             self._changes(),
             self._sheet("Frequencies [Hz]", self._numbers[hertz], units, self._where()),
@@ -153,12 +154,13 @@ def _percent(share: float) -> str:
     return f"{100 * share:+.1f} %" if np.isfinite(share) else "–"
 
 
+@checked
 def what_if(
     machine: Machine,
     changes: Mapping[str, Any],
     points: int | Sequence[int] | None = None,
     *,
-    more: More | None = None,
+    more: Callable[[FrequencyMap], Quantities] | None = None,
 ) -> WhatIf:
     """Effect of other numbers in a machine's file, all changes at once.
 

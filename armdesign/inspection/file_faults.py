@@ -80,7 +80,7 @@ def _all(path: Path, text: str, allow_outside: bool) -> list[ArmDesignError]:
         if all_faults:
             stand_ins = {".".join(key.split(".")[1:2]) for key in wrong}
             blamed = _blamed(all_faults) | stand_ins
-            return [*all_faults, *_faults_of_the_rest(section, geometry, path, blamed)]
+            return [*all_faults, *_faults_of_other_cylinders(section, geometry, path, blamed)]
         if machine.springs:
             refuse_toppling_within(machine, Workspace.grid(machine))
     except ArmDesignError as error:
@@ -139,7 +139,7 @@ def _blamed(faults: Iterable[ArmDesignError]) -> set[str]:
     return {match[1] for match in matches if match}
 
 
-def _faults_of_the_rest(
+def _faults_of_other_cylinders(
     section: MachineSection, urdf_text: str, path: Path, blamed: set[str]
 ) -> Iterator[MachineFileError]:
     """Faults of the cylinders that are not blamed; joints that only others move stand still."""
@@ -148,7 +148,7 @@ def _faults_of_the_rest(
     arm = Arm(urdf_text, section.joints, frozen, section.urdf or "", of_links=not section.urdf)
     while sound := {name: table for name, table in section.cylinder.items() if name not in blamed}:
         moved = {j for table in sound.values() for j in linkage(table, arm).joints}
-        still = {
+        unmoved = {
             joint.name: (joint.lower + joint.upper) / 2
             for j, joint in enumerate(arm.joints)
             if moved and j not in moved
@@ -158,8 +158,8 @@ def _faults_of_the_rest(
         data = {
             "name": section.name,
             "urdf": section.urdf or "links",
-            "joints": [name for name in section.joints if name not in still],
-            "frozen": others | still,
+            "joints": [name for name in section.joints if name not in unmoved],
+            "frozen": others | unmoved,
             "tool": {"link": next(iter(arm.links)), "at_mm": [0.0, 0.0, 0.0]},
             "payload": {"empty": {"mass_kg": 0.0}},
             "fluid": FLUID,

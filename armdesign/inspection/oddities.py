@@ -95,8 +95,8 @@ def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
         yield f"joint {joint.name}", words
     links = {name for name, link in machine.arm.links.items() if link.joint == j}
     if not links & set(inspection.masses):
-        rest = "payload, tools and links further out alone"
-        words = f"has no mass: what joint {joint.name} moves is {rest}"
+        massive = "payload, tools and links further out alone"
+        words = f"has no mass: what joint {joint.name} moves is {massive}"
         yield f"link {', '.join(sorted(links))}", words
 
 

@@ -124,7 +124,7 @@ class Yardstick:
     def far_limits(self, joint: Joint) -> Cause | None:
         """Limits farther apart than any cylinder moves a joint: most likely in another unit.
 
-        Those of ``[links]`` are in the units that people write.
+        Limits in ``[links]`` are in the units that people write.
         """
         if self.machine.section.links:
             return None

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.schema import LiftChartSection
@@ -48,7 +49,7 @@ class ChartPoses:
         point: that carries the load.
         step: of the grid [m].
         start: least reach of the grid [m].
-        still: where the joints stand that do not bring it there (nq,) [rad, m].
+        others_at: where the joints stand that do not bring it there (nq,) [rad, m].
         places: reach and height (n, 2) [m].
         place: index of the place of each pose (m,), ascending.
         rigid: the poses (m).
@@ -58,7 +59,7 @@ class ChartPoses:
     point: Pin
     step: float
     start: float
-    still: Array
+    others_at: Array
     places: Array
     place: Array
     rigid: RigidPoses
@@ -125,6 +126,7 @@ class LiftChart(ReadOnly):
         return plots.lift_chart(self, ax)
 
 
+@checked
 def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
     """The lift chart of a machine.
 
@@ -187,18 +189,18 @@ def chart_poses(machine: Machine, like: LiftChart | None = None) -> ChartPoses:
     point, joints = _point_and_joints(machine, section)
     step = section.step_m or _round_step(machine)
     start = 2 * step if section.from_m is None else section.from_m
-    still = machine.ranges.mean(axis=1)
+    others_at = machine.ranges.mean(axis=1)
     if like is not None:
         step, start = like.poses.step, like.poses.start
         if like.machine.joints == machine.joints:
-            still = np.clip(like.poses.still, *machine.ranges.T)
-    q, which, places = _on_grid(machine, point, joints, still, (step, start))
+            others_at = np.clip(like.poses.others_at, *machine.ranges.T)
+    q, which, places = _on_grid(machine, point, joints, others_at, (step, start))
     rigid = machine.rigid_poses(q)
     arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
     held = ~is_singular(arms[..., : len(machine.joints)])
     if not held.any():
         fault = f"no point of its grid is in reach, {step:g} m wide from {start:g} m on"
-        image, _ = place_and_slopes(machine, point, joints, lattice(machine, joints, still))
+        image, _ = place_and_slopes(machine, point, joints, lattice(machine, joints, others_at))
         least, most = image[:, 0].min(), image[:, 0].max()
         remedy = f"give a grid for a point that goes from {least:.3g} to {most:.3g} m"
         raise _fault(machine, "step_m", fault, remedy)
@@ -207,7 +209,7 @@ def chart_poses(machine: Machine, like: LiftChart | None = None) -> ChartPoses:
         point=point,
         step=step,
         start=start,
-        still=still,
+        others_at=others_at,
         places=places[used],
         place=place,
         rigid=rigid[held],
@@ -216,15 +218,19 @@ def chart_poses(machine: Machine, like: LiftChart | None = None) -> ChartPoses:
 
 
 def _on_grid(
-    machine: Machine, point: Pin, joints: tuple[int, ...], still: Array, grid: tuple[float, float]
+    machine: Machine,
+    point: Pin,
+    joints: tuple[int, ...],
+    others_at: Array,
+    grid: tuple[float, float],
 ) -> tuple[Array, Array, Array]:
     """Poses (m, nq) on the grid of a step from a reach, index of their place, places (n, 2)."""
     step, start = grid
-    image, _ = place_and_slopes(machine, point, joints, lattice(machine, joints, still))
+    image, _ = place_and_slopes(machine, point, joints, lattice(machine, joints, others_at))
     (_, lowest), (furthest, highest) = image.min(axis=0) - step, image.max(axis=0) + step
     heights = step * np.arange(math.ceil(lowest / step), math.floor(highest / step) + 1)
     if len(joints) == 1:
-        q, which = poses_reaching(machine, point, joints, still, heights[:, None])
+        q, which = poses_reaching(machine, point, joints, others_at, heights[:, None])
         reach = place_and_slopes(machine, point, joints, q)[0][:, 0].round(9)
         q, reached = q[reach >= start], np.column_stack([reach, heights[which]])[reach >= start]
         places, which = np.unique(reached, axis=0, return_inverse=True)
@@ -235,7 +241,7 @@ def _on_grid(
         size = f"{len(reaches)} × {len(heights)} places, more than {MOST}"
         raise _fault(machine, "step_m", f"{step:g} m makes {size}", "give a larger step_m")
     places = np.stack(np.meshgrid(reaches, heights, indexing="ij"), axis=-1).reshape(-1, 2)
-    return *poses_reaching(machine, point, joints, still, places), places
+    return *poses_reaching(machine, point, joints, others_at, places), places
 
 
 def _point_and_joints(machine: Machine, section: LiftChartSection) -> tuple[Pin, tuple[int, ...]]:

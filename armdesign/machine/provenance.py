@@ -82,13 +82,13 @@ def _with_old_values(
     lines: dict[str, list[str]] = {}
     for path in paths:
         line, within = _line_of(document, path)
-        value = _found(old, path)
+        value = _value_at(old, path)
         words = "not given" if value is None else tomlkit.item(value).as_string()
-        if within and _found(old, line) is not None:
+        if within and _value_at(old, line) is not None:
             words = f"{within} = {words}"
         lines.setdefault(line, []).append(words + notes.get(path, ""))
     for line, words in lines.items():
-        item, former = (_found(whole, line, item=True) for whole in (document, old))
+        item, former = (_value_at(whole, line, item=True) for whole in (document, old))
         trivia, origin = item.trivia, item.trivia.comment.removeprefix("#").strip()
         trivia.comment = f"{WAS}{', '.join(dict.fromkeys(words))}{origin and f': {origin}'}"
         longer = len(item.as_string()) - len(former.as_string()) if former is not None else 0
@@ -130,7 +130,7 @@ def _line_of(document: Any, path: str) -> tuple[str, str]:
     return path, ""
 
 
-def _found(document: Any, path: str, item: bool = False) -> Any:
+def _value_at(document: Any, path: str, item: bool = False) -> Any:
     """The value at a key path, or the ``item`` that holds it; None where there is none."""
     node = document
     for key in path.split("."):

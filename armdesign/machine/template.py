@@ -190,10 +190,10 @@ def _folded(line: str) -> Iterator[str]:
     if len(line) <= WIDTH or "[[" not in line:
         yield line
         return
-    key, _, rest = line.partition("[[")
+    key, _, places = line.partition("[[")
     yield f"{key}["
     row = "   "
-    for place in rest.removesuffix("]]").split("], ["):
+    for place in places.removesuffix("]]").split("], ["):
         if len(row) + len(place) + 4 > WIDTH:
             yield row
             row = "   "

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
@@ -40,6 +41,7 @@ ROUNDING = 1e-6  # of a duration that is the shortest, as printed
 TOLERANCE = 1e-6  # of the runs
 
 
+@checked
 def plan_move(
     machine: Machine,
     start: ArrayLike,

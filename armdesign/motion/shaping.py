@@ -9,6 +9,7 @@ from operator import mul
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.maps import FrequencyMap, frequency_map
@@ -68,6 +69,7 @@ def shaper_for(
     return reduce(mul, (AT_END[kind](frequency, ratio) for frequency, ratio in pairs))
 
 
+@checked
 def workspace_shaper(
     frequencies: FrequencyMap, damping: float = 0.0, modes: int = 1, residual: float = TOLERATED
 ) -> Shaper:

@@ -127,10 +127,10 @@ def scan() -> pd.DataFrame:
     import pandas as pd
 
     machine = load(MACHINE)
-    choices = product(BORES_AND_RODS, STROKES, DEAD_VOLUMES, BULK_MODULI, LOADS, REACHES)
+    combinations = product(BORES_AND_RODS, STROKES, DEAD_VOLUMES, BULK_MODULI, LOADS, REACHES)
     names = ["bore_mm", "rod_mm", "stroke_mm", "dead_volume_l", "bulk_modulus_MPa"]
     names += ["mass_from_kg", "mass_to_kg", "length_from_m", "length_to_m"]
-    rows = [(*sizes, S, V, beta, *mass, *reach) for sizes, S, V, beta, mass, reach in choices]
+    rows = [(*sizes, S, V, beta, *mass, *reach) for sizes, S, V, beta, mass, reach in combinations]
     table = pd.DataFrame(rows, columns=names, dtype=float)
     at = _candidates(table, Mechanism.of(machine, 1.0, 1.0))
     frequencies = at.frequencies

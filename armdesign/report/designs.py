@@ -129,10 +129,10 @@ def _bound(design: Design) -> str:
         return f"; no bound is known: {design.certificate.refused}"
     gap = f"gap {100 * (design.gap or 0.0):.1f} %"
     below = ""
-    if design.selection is not None:
+    if design.best_sizes is not None:
         designs = "all combinations of the catalogue at these pins"
         gap = "proved optimal" if (design.gap or 0.0) < 1e-9 else gap
-        below = _least(design.selection.below)
+        below = _least(design.best_sizes.below)
     elif design.catalogue:
         designs = "all pins and sizes, of the catalogue or not"
     elif design.problem.vector.moving:
@@ -170,7 +170,7 @@ def notes_on_starts(design: Design) -> str:
 
 def _buildability(design: Design) -> str:
     """Words on the gain that a catalogue leaves of that in real numbers; empty without one."""
-    both = design.catalogue and design.selection is None and design.starts
+    both = design.catalogue and design.best_sizes is None and design.starts
     if design.made_for != "gain" or not both:
         return ""
     built, real = f"{100 * design.least_gain:+.1f} %", _reached(design, max(design.starts))
@@ -236,7 +236,7 @@ def _pin(pin: Pin | None, units: Units) -> str:
 
 def binding_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     """Requirements that bind, with prices; where sizes come in steps those nearest to a limit."""
-    if design.selection is None:
+    if design.best_sizes is None:
         title, head = "Binding requirements; frequency gain per 1 % relaxation", "gain"
         last = [(c, f"{100 * design.prices[c.name]:+.2f} %") for c in design.binding]
         fixed = ", with the sizes fixed" if design.catalogue else ""

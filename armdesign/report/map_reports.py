@@ -45,7 +45,7 @@ def map_report(
     machine, worst = frequencies.machine, frequencies.worst
     head, bands, spread, *others, lift = sheets
     of_map = tuple(one for one in pictures if one.file.startswith("map_"))
-    rest = tuple(one for one in pictures if one not in of_map)
+    further = tuple(one for one in pictures if one not in of_map)
     numbers = headline({"": frequencies}, Bands.shown(machine), units=units)
     return Report(
         title=head.title,
@@ -63,7 +63,7 @@ def map_report(
                 pictures=of_map[:2],
                 sheets=(spread, *others),
             ),
-            ReportSection(title="Lift chart and moment arms", pictures=rest, sheets=(lift,)),
+            ReportSection(title="Lift chart and moment arms", pictures=further, sheets=(lift,)),
             ReportSection(title="Assumptions", words=assumptions(machine, frequencies.workspace)),
             ReportSection(title="Provenance", sheets=(provenance,)),
         ),
@@ -182,17 +182,17 @@ def _ends(
 
 
 def _number(
-    name: str, found: Sequence[WorstPose | None], machine: Machine, units: Units
+    name: str, poses: Sequence[WorstPose | None], machine: Machine, units: Units
 ) -> HeadlineNumber:
-    worst = found[-1]
-    if worst is None or any(one is None for one in found):
+    worst = poses[-1]
+    if worst is None or any(one is None for one in poses):
         return HeadlineNumber(
             name=name, value="unstable", words="gravity overcomes the trapped oil"
         )
-    values = [f"{one.frequency:.3f}" for one in found if one]
+    values = [f"{one.frequency:.3f}" for one in poses if one]
     gain = ""
-    if len(found) == 2 and found[0] and found[0].frequency > 0:
-        gain = f"{100 * (worst.frequency / found[0].frequency - 1):+.1f} %: "
+    if len(poses) == 2 and poses[0] and poses[0].frequency > 0:
+        gain = f"{100 * (worst.frequency / poses[0].frequency - 1):+.1f} %: "
     where = f"{worst_pose_text(machine, worst, units)}; limited by {worst.cylinder}"
     return HeadlineNumber(name=name, value=f"{' → '.join(values)}\u00a0Hz", words=gain + where)
 

@@ -285,8 +285,8 @@ class Experiment:
 
     def _ends(self) -> Array:
         """Room of the pistons to swing (nc,) [m]; motors have no end."""
-        still, strokes = np.zeros((1, self.plant.nc)), self.machine.strokes
-        places = self.plant.evaluate(self.equilibrium[None], still).extensions[0]
+        no_speed, strokes = np.zeros((1, self.plant.nc)), self.machine.strokes
+        places = self.plant.evaluate(self.equilibrium[None], no_speed).extensions[0]
         return SHARE * np.where(np.isinf(strokes), np.inf, np.minimum(places, strokes - places))
 
     def _undetuned(self, swing: Array) -> float:

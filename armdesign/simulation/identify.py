@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError, SimulationError, raise_together
 from armdesign.hydraulics.actuator import SIDES
@@ -60,6 +61,7 @@ LEFT = 0.3  # of the root mean square about the trend: a large residual
 BAND = 1.6  # default ends of a band, relative to the strongest frequency
 
 
+@checked
 def identify(
     recording: str | Path | Recording | Mapping[str, Any],
     windows: Sequence[tuple[float, float]] = (),

@@ -21,6 +21,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import PoseError, SimulationError
 from armdesign.hydraulics.actuator import SIDES, Cylinder, Motor
@@ -47,6 +48,7 @@ WAY = 200  # poses on which a stable one is looked for
 F = TypeVar("F", Cylinder, Motor)
 
 
+@checked
 def linearize(
     machine: Machine,
     q: ArrayLike,
@@ -108,6 +110,7 @@ def _unstable(machine: Machine, q: Array) -> SimulationError:
     return SimulationError(f"{machine.name}: operating point", fault, remedy)
 
 
+@checked
 def linear_models(
     machine: Machine,
     q: ArrayLike | RigidPoses,

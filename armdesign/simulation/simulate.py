@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
@@ -50,6 +51,7 @@ class SimulationCase:
     supply_pressure: float | None = None
 
 
+@checked
 def simulate(
     machine: Machine,
     q: ArrayLike,
@@ -109,6 +111,7 @@ def simulate(
     return simulate_all([SimulationCase(**arguments)], tolerance=tolerance)[0]
 
 
+@checked
 def simulate_all(
     cases: Sequence[SimulationCase], *, tolerance: float = TOLERANCE
 ) -> list[Simulation]:
@@ -207,7 +210,11 @@ def _refuse(case: SimulationCase) -> None:
             fault = f"{value:g} is not allowed"
             raise SimulationError(f"{name}: {what}", fault, "give a positive number")
     if case.velocity is not None:
-        given, joints = np.asarray(case.velocity, dtype=float), case.machine.joints
+        joints = case.machine.joints
+        try:
+            given = np.asarray(case.velocity, dtype=float)
+        except (TypeError, ValueError):
+            given = np.array(math.nan)
         if given.shape != (len(joints),) or not np.all(np.isfinite(given)):
             fault = f"{given.tolist()} is not one finite number per joint"
             remedy = f"give {', '.join(joints)} [rad/s, m/s]"

@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.maps import FrequencyMap, frequency_map
@@ -157,6 +158,7 @@ class Validation:
         return math.inf if self.failures else max(abs(run.deviation) for run in self.runs)
 
 
+@checked
 def validate(
     machine: Machine,
     q: ArrayLike | None = None,

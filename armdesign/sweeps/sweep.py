@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from armdesign.arguments import checked
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.journal import Entry, Journal
@@ -18,6 +19,7 @@ from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
 from armdesign.sweeps.cases import Case, Changes, of_any, of_sobol
+from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
 
@@ -85,15 +87,16 @@ class Sweep:
         return plots.sweep_answers(self, answer)
 
 
+@checked
 def sweep(
     machine: Machine | str | Path | Sequence[Machine | str | Path],
     changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None = None,
-    task: str | Task = "map",
+    task: str | Callable[..., Numbers] = "map",
     *,
     sobol: int = 0,
     seed: int = 0,
     payloads: Sequence[str] | None = None,
-    requirements: Sequence[Changes] | None = None,
+    requirements: Sequence[Mapping[str, Any]] | None = None,
     options: Mapping[str, Any] | None = None,
     workspace: Workspace | None = None,
     points: int | Sequence[int] | None = None,

@@ -123,13 +123,13 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
     return _plain(task(machine, workspace, **study.options))
 
 
-def _plain(found: Any) -> dict[str, Any]:
+def _plain(answer: Any) -> dict[str, Any]:
     """The answer as Python's own numbers, words and truth values."""
-    if not isinstance(found, Mapping):
-        fault = f"answers with {type(found).__name__}"
+    if not isinstance(answer, Mapping):
+        fault = f"answers with {type(answer).__name__}"
         raise ArmDesignError("task", fault, "return numbers and words by name, in a dict")
     plain = {
-        str(name): getattr(value, "item", lambda v=value: v)() for name, value in found.items()
+        str(name): getattr(value, "item", lambda v=value: v)() for name, value in answer.items()
     }
     for name, value in plain.items():
         if value is not None and not isinstance(value, str | int | float | bool):

@@ -78,27 +78,27 @@ class Reading:
 
     def swing(self, mode: int, amplitude: float) -> Array:
         """Coordinates (n, k) over one period of a mode, so far at the tool [m]; at rest first."""
-        still = self.machine.arm.with_springs(self.q[None])
+        equilibrium = self.machine.arm.with_springs(self.q[None])
         if self.modes is None or mode >= len(self.frequencies):
-            return np.asarray(still)
-        there = swung(self.machine, self.q[None], self.modes.shapes[:, :, mode], amplitude)
+            return np.asarray(equilibrium)
+        displaced = swung(self.machine, self.q[None], self.modes.shapes[:, :, mode], amplitude)
         phase = np.sin(2 * np.pi * np.arange(PHASES) / PHASES)[:, None]
-        return np.asarray(still + phase * (there - still))
+        return np.asarray(equilibrium + phase * (displaced - equilibrium))
 
 
 def reading(machine: Machine, q: Array, damping: float | None = None) -> Reading:
     """Reading of a machine at a pose q (nq,) [rad, m] under its load case at work."""
-    asked: dict[str, Any] = {"machine": machine, "q": q, "damping": damping}
+    inputs: dict[str, Any] = {"machine": machine, "q": q, "damping": damping}
     try:
         refuse_unheld(machine, q)
         poses = machine.at(q[None])
         modes = natural_modes(poses)
         if modes.frequencies[0, 0] <= 0:
             fault = "gravity overcomes the trapped oil: the pose is unstable"
-            return Reading(**asked, fault=fault)
+            return Reading(**inputs, fault=fault)
     except ArmDesignError as error:
-        return Reading(**asked, fault=str(error))
-    return Reading(**asked, poses=poses, modes=modes)
+        return Reading(**inputs, fault=str(error))
+    return Reading(**inputs, poses=poses, modes=modes)
 
 
 def rows(one: Reading) -> list[tuple[str, str]]:

@@ -172,13 +172,13 @@ def _turned(along: Array, across: Array) -> Array:
 def _links(machine: Machine, plane: PicturePlane, view: SideView, plates: bool) -> Iterator[Solid]:
     """Bodies: visuals of their links, one solid of each colour, or plates of outlines."""
     folder = (machine.source.parent / (machine.section.urdf or "")).parent
-    shapes = visuals(machine.urdf_text, folder)
+    of_links = visuals(machine.urdf_text, folder)
     for order, body in enumerate(view.bodies):
         if plates or body.source != "visuals":
             yield from _plate(machine, plane, view, order)
             continue
         for link in body.links:
-            coloured = [(_hex(shape.colour), shape) for shape in shapes[link]]
+            coloured = [(_hex(shape.colour), shape) for shape in of_links[link]]
             coloured.sort(key=lambda pair: pair[0])
             for index, (colour, group) in enumerate(groupby(coloured, key=lambda pair: pair[0])):
                 mesh = joined(of_visual(shape) for _, shape in group)

@@ -142,8 +142,8 @@ def test_an_inclinometer_is_warned_of_and_a_typing_error_told() -> None:
         '"lift_inclinometer_deg" is not used: an inclinometer on a moving machine feels' in words
     )
     assert '"lift_presure_bar" is not used' in words
-    found = ad.calibrate(machine, rows, [BETA])
-    assert any("inclinometer" in line for line in found.findings)
+    calibration = ad.calibrate(machine, rows, [BETA])
+    assert any("inclinometer" in line for line in calibration.findings)
 
 
 def test_columns_that_there_may_be_are_told_in_order() -> None:
@@ -151,10 +151,10 @@ def test_columns_that_there_may_be_are_told_in_order() -> None:
     machine = crane()
     rows = measurements(machine, poses(2), zzz=1.0)
     (line,) = (w for w in measured_of(rows.to_dict("records"), machine).warnings if "zzz" in w)
-    told = line.partition("choose from: ")[2].split(", ")
+    columns = line.partition("choose from: ")[2].split(", ")
     joints = [f"{joint.name}_{'deg' if joint.revolute else 'mm'}" for joint in machine.arm.joints]
-    assert [name for name in told if name in joints] == joints
-    assert told.index("payload") < told.index("lift_cap_bar") < told.index("begin_s")
+    assert [name for name in columns if name in joints] == joints
+    assert columns.index("payload") < columns.index("lift_cap_bar") < columns.index("begin_s")
 
 
 def test_a_pressure_alone_is_not_used_and_said() -> None:

@@ -18,13 +18,15 @@ from tests.commands import main
 def test_known_values_are_found_again() -> None:
     """From a file with another bulk modulus and no compliance at all; the truth is the source."""
     machine = crane()
-    found = ad.calibrate(machine, measurements(machine.replace(TRUTH), poses()), [BETA, LIFT])
-    assert found.values["determined"].all()
-    assert found.values["value"].to_list() == pytest.approx(list(TRUTH.values()), rel=1e-6)
-    assert found.values["before"].to_list() == [1200.0, 0.0]
-    assert found.frame["calibrated_error"].abs().max() < 1e-7
-    assert found.left_out == pytest.approx(0, abs=1e-6)
-    assert found.machine.section.fluid.bulk_modulus_MPa == pytest.approx(1050, rel=1e-6)
+    calibration = ad.calibrate(
+        machine, measurements(machine.replace(TRUTH), poses()), [BETA, LIFT]
+    )
+    assert calibration.values["determined"].all()
+    assert calibration.values["value"].to_list() == pytest.approx(list(TRUTH.values()), rel=1e-6)
+    assert calibration.values["before"].to_list() == [1200.0, 0.0]
+    assert calibration.frame["calibrated_error"].abs().max() < 1e-7
+    assert calibration.left_out == pytest.approx(0, abs=1e-6)
+    assert calibration.machine.section.fluid.bulk_modulus_MPa == pytest.approx(1050, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -32,8 +34,8 @@ def test_masses_and_dead_volumes_are_found_too() -> None:
     """Any number of the file: a load case's mass and a dead volume."""
     truth = {"payload.full.mass_kg": 260.0, "cylinder.lift.dead_volume_l.cap": 0.6}
     machine = crane()
-    found = ad.calibrate(machine, measurements(machine.replace(truth), poses()), list(truth))
-    assert found.values["value"].to_list() == pytest.approx(list(truth.values()), rel=1e-5)
+    calibration = ad.calibrate(machine, measurements(machine.replace(truth), poses()), list(truth))
+    assert calibration.values["value"].to_list() == pytest.approx(list(truth.values()), rel=1e-5)
 
 
 @pytest.mark.slow
@@ -73,13 +75,13 @@ def test_what_looks_alike_is_not_claimed() -> None:
     """At one pose and load any two springs in a row look alike: one is held and said to be."""
     machine, q = crane(), np.tile(poses()[:1], (4, 1))
     table = measurements(machine.replace(TRUTH), q, noise=0.005).assign(payload="full")
-    found = ad.calibrate(machine.replace({LIFT: 1e-8}), table, [BETA, LIFT])
-    assert sorted(found.values["determined"]) == [False, True]
-    (held,) = found.values.index[~found.values["determined"]]
-    row = found.values.loc[held]
+    calibration = ad.calibrate(machine.replace({LIFT: 1e-8}), table, [BETA, LIFT])
+    assert sorted(calibration.values["determined"]) == [False, True]
+    (held,) = calibration.values.index[~calibration.values["determined"]]
+    row = calibration.values.loc[held]
     assert row["value"] == row["before"]
     assert np.isnan(row["deviation"])
-    words = " ".join(found.findings)
+    words = " ".join(calibration.findings)
     assert f"{held} is not determined by these measurements" in words
     assert f"{BETA} and {LIFT} look alike" in words
     assert "what cannot be told apart" in words
@@ -89,10 +91,10 @@ def test_what_looks_alike_is_not_claimed() -> None:
 def test_what_no_measurement_depends_on_is_not_claimed() -> None:
     machine = crane()
     table = measurements(machine.replace(TRUTH), poses())
-    found = ad.calibrate(machine, table, ["supply.flow_l_per_min", BETA, LIFT])
-    assert found.values["determined"].to_list() == [False, True, True]
-    assert found.values["value"].iloc[0] == 80
-    assert any("no measurement depends on it" in line for line in found.findings)
+    calibration = ad.calibrate(machine, table, ["supply.flow_l_per_min", BETA, LIFT])
+    assert calibration.values["determined"].to_list() == [False, True, True]
+    assert calibration.values["value"].iloc[0] == 80
+    assert any("no measurement depends on it" in line for line in calibration.findings)
     alone = ad.calibrate(machine, table, ["supply.flow_l_per_min"])
     assert alone.fit is None
     assert alone.machine is machine
@@ -104,9 +106,9 @@ def test_an_unknown_that_fits_best_at_zero_is_no_weak_direction() -> None:
     """Ten per cent of nothing change no frequency: that was said to be what is known least."""
     machine = crane()
     table = measurements(machine.replace({BETA: 1050.0}), poses(), noise=0.01)
-    found = ad.calibrate(machine, table, [BETA, LIFT, TILT])
-    assert found.values["determined"].to_list() == [True, False, False]
-    assert not any(line.startswith("what ") for line in found.findings)
+    calibration = ad.calibrate(machine, table, [BETA, LIFT, TILT])
+    assert calibration.values["determined"].to_list() == [True, False, False]
+    assert not any(line.startswith("what ") for line in calibration.findings)
 
 
 @pytest.mark.slow
@@ -124,14 +126,14 @@ def test_values_that_no_oil_or_structure_has_are_said() -> None:
 def test_a_weak_direction_changes_as_little_as_is_said() -> None:
     """The change that is named, made to the machine: frequencies differ by what is said."""
     machine = crane().replace({LIFT: 4e-8})
-    found = ad.calibrate(machine, measurements(machine, poses(), noise=0.01), [BETA, LIFT])
-    (line,) = (line for line in found.findings if line.startswith("what is known least"))
+    calibration = ad.calibrate(machine, measurements(machine, poses(), noise=0.01), [BETA, LIFT])
+    (line,) = (line for line in calibration.findings if line.startswith("what is known least"))
     words = line.replace(",", "").split()
     changes = {p: float(words[words.index(p) + 1]) / 100 for p in (BETA, LIFT) if p in words}
     said = float(words[-2]) / 100
-    before = found.after.frequencies
-    values = found.values["value"]
-    other = found.machine.replace({p: values[p] * np.exp(x) for p, x in changes.items()})
+    before = calibration.after.frequencies
+    values = calibration.values["value"]
+    other = calibration.machine.replace({p: values[p] * np.exp(x) for p, x in changes.items()})
     table = measurements(other, poses())
     assert np.abs(table["frequency_hz"] / before - 1).max() == pytest.approx(said, rel=0.15)
 
@@ -167,23 +169,25 @@ def test_static_pressures_tell_a_mass() -> None:
             "pressure_deviation_bar": 0.5,
         }
     )
-    found = ad.calibrate(machine, rows, ["payload.full.mass_kg"])
-    assert found.values["value"].iloc[0] == pytest.approx(250, rel=1e-6)
-    loads = found.frame[["lift_load_bar", "lift_calibrated_load_bar"]].to_numpy()
+    calibration = ad.calibrate(machine, rows, ["payload.full.mass_kg"])
+    assert calibration.values["value"].iloc[0] == pytest.approx(250, rel=1e-6)
+    loads = calibration.frame[["lift_load_bar", "lift_calibrated_load_bar"]].to_numpy()
     assert loads[:, 0] == pytest.approx(loads[:, 1], rel=1e-6)
-    assert np.isnan(found.left_out).all()
+    assert np.isnan(calibration.left_out).all()
 
 
 @pytest.mark.slow
 def test_left_out_errors_are_those_of_fits_without_the_measurement() -> None:
     machine = crane()
     table = measurements(machine.replace(TRUTH), poses(), noise=0.01, seed=3)
-    found = ad.calibrate(machine, table, [BETA, LIFT])
+    calibration = ad.calibrate(machine, table, [BETA, LIFT])
     for n in (0, 4):
-        rest = ad.calibrate(machine, table.drop(index=n), [BETA, LIFT])
-        exact = machine.replace(rest.values["value"].to_dict())  # the file's are rounded
+        without_one = ad.calibrate(machine, table.drop(index=n), [BETA, LIFT])
+        exact = machine.replace(without_one.values["value"].to_dict())  # the file's are rounded
         answer = measurements(exact, poses())["frequency_hz"][n]
-        assert found.left_out[n] == pytest.approx(answer / table["frequency_hz"][n] - 1, abs=1e-4)
+        assert calibration.left_out[n] == pytest.approx(
+            answer / table["frequency_hz"][n] - 1, abs=1e-4
+        )
 
 
 @pytest.mark.slow
@@ -226,10 +230,10 @@ def test_the_command_writes_its_files(
 def test_its_file_tells_where_values_are_from(tmp_path: Path) -> None:
     machine = crane()
     table = measurements(machine.replace(TRUTH), poses(), noise=0.01)
-    found = ad.calibrate(machine, table, [BETA, LIFT, TILT])
-    path = found.save(tmp_path / "crane.toml")
+    calibration = ad.calibrate(machine, table, [BETA, LIFT, TILT])
+    path = calibration.save(tmp_path / "crane.toml")
     text = path.read_text(encoding="utf-8")
-    for name, row in found.values.iterrows():
+    for name, row in calibration.values.iterrows():
         leaf = str(name).rpartition(".")[2]
         story = f", fitted ± {row['deviation']:.2g}" if row["determined"] else leaf
         assert story in text
@@ -237,4 +241,4 @@ def test_its_file_tells_where_values_are_from(tmp_path: Path) -> None:
     assert "8 measured frequencies" in text
     saved = tomllib.loads(text)
     assert saved["name"] == "loader_crane_calibrated"
-    assert ad.load(path).fluid == found.machine.fluid
+    assert ad.load(path).fluid == calibration.machine.fluid

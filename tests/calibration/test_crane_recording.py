@@ -19,13 +19,13 @@ def test_the_recording_holds_what_is_measured() -> None:
     moves that the rod side swings less than a tenth of what trapped oil would.
     """
     windows = list(zip(MEASURED["begin_s"], MEASURED["end_s"], strict=True))
-    found = ad.identify(FOLDER / "recording.csv", windows, signal="lift_cap_bar")
-    off = found.frame["frequency_hz"] - MEASURED["frequency_hz"]
+    identified = ad.identify(FOLDER / "recording.csv", windows, signal="lift_cap_bar")
+    off = identified.frame["frequency_hz"] - MEASURED["frequency_hz"]
     assert np.all(off.abs() <= MEASURED["deviation_hz"])
-    lengths = found.frame["lift_length_mm"] - MEASURED["lift_length_mm"]
+    lengths = identified.frame["lift_length_mm"] - MEASURED["lift_length_mm"]
     assert lengths.abs().max() < 0.2
     lift = CRANE.cylinders[0]
-    for window, length in zip(found.windows[:6], MEASURED["lift_length_mm"][:6], strict=True):
+    for window, length in zip(identified.windows[:6], MEASURED["lift_length_mm"][:6], strict=True):
         cap, annulus = lift.volumes(length / 1e3 - lift.closed_length)
         trapped = (lift.bore_area / cap) / (lift.annulus_area / annulus)  # of swings, one modulus
         (measured,) = window.ratios

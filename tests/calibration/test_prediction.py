@@ -54,10 +54,10 @@ def test_a_stuck_piston_leaves_the_compliance() -> None:
     (joint,) = machine.joints
     row = {f"{joint}_deg": math.degrees(q[0, 0]), "frequency_hz": 1.0}
     row[f"{cylinder.name}_chambers"] = "stuck"  # type: ignore[assignment]
-    rest = at.gravity_stiffness[0, 0, 0] + at.geometric_stiffness[0, 0, 0]
-    squared = (at.moment_arms[0, 0, 0] ** 2 / c + rest) / at.mass_matrix[0, 0, 0]
-    found = predicted(yielding, pd.DataFrame([row]))
-    assert found == pytest.approx(math.sqrt(squared) / (2 * math.pi), rel=1e-9)
+    without_oil = at.gravity_stiffness[0, 0, 0] + at.geometric_stiffness[0, 0, 0]
+    squared = (at.moment_arms[0, 0, 0] ** 2 / c + without_oil) / at.mass_matrix[0, 0, 0]
+    predicted_row = predicted(yielding, pd.DataFrame([row]))
+    assert predicted_row == pytest.approx(math.sqrt(squared) / (2 * math.pi), rel=1e-9)
 
 
 def test_air_stands_at_the_measured_pressures() -> None:
@@ -70,11 +70,11 @@ def test_air_stands_at_the_measured_pressures() -> None:
     force, lift = loaded.at(q).cylinder_forces[:, 0], machine.cylinders[0]
     assert np.all(force > 0)
     cap = (force / 1e5 + lift.annulus_area * preload) / lift.bore_area
-    told = measurements(machine, q, lift_annulus_bar=preload).assign(payload="full")
-    told["lift_cap_bar"] = cap
+    rows = measurements(machine, q, lift_annulus_bar=preload).assign(payload="full")
+    rows["lift_cap_bar"] = cap
     reference = ad.natural_modes(loaded.at(q)).frequencies[:, 0]
-    assert predicted(machine, told) == pytest.approx(reference, rel=1e-9)
-    unknown = told.drop(columns=["lift_cap_bar", "lift_annulus_bar"])
+    assert predicted(machine, rows) == pytest.approx(reference, rel=1e-9)
+    unknown = rows.drop(columns=["lift_cap_bar", "lift_annulus_bar"])
     assert np.all(predicted(machine, unknown) < 0.99 * reference)
 
 

@@ -43,8 +43,8 @@ def test_columns_of_a_recording_calibrate_a_machine(
     windows = ",".join(f"{n * LASTS:g}:{(n + 1) * LASTS - STEP:g}" for n in range(len(q)))
     words = ["identify", "recording.csv", "--windows", windows, "--machine", "crane.toml"]
     assert main(words, monkeypatch) == 0
-    found = "out/identify_recording/identified.csv"
-    words = ["calibrate", "crane.toml", found, "--fit", BETA, "--out", "calibrated"]
+    table = "out/identify_recording/identified.csv"
+    words = ["calibrate", "crane.toml", table, "--fit", BETA, "--out", "calibrated"]
     assert main(words, monkeypatch) == 0
     values = pd.read_csv("calibrated/calibration_values.csv", index_col="path")
     assert values.loc[BETA, "value"] == pytest.approx(TRUTH, rel=1e-3)

@@ -24,6 +24,6 @@ def test_the_stiffness_of_a_spring_and_the_oils_modulus_are_found() -> None:
             {"payload": "empty", "frequency_hz": frequencies[mode - 1], "mode": mode} | places
             for mode in (1, 4)
         ]
-    found = ad.calibrate(rocking(), pd.DataFrame(rows), fit=[STIFFNESS, BETA]).machine
-    assert found.springs[0].stiffness == pytest.approx(1.7e7, rel=1e-6)
-    assert found.fluid.bulk_modulus == pytest.approx(1050e6, rel=1e-6)
+    calibrated = ad.calibrate(rocking(), pd.DataFrame(rows), fit=[STIFFNESS, BETA]).machine
+    assert calibrated.springs[0].stiffness == pytest.approx(1.7e7, rel=1e-6)
+    assert calibrated.fluid.bulk_modulus == pytest.approx(1050e6, rel=1e-6)

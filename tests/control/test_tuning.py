@@ -93,9 +93,9 @@ def test_feed_forward_divides_the_error_of_a_move_by_five() -> None:
     system = control.ss(A[0], B[0], C, np.zeros((3, 3)))
     errors = []
     for forward in (0.0, 1.0):  # q̇_r enters where K q_r does: as q_r + q̇_r/K
-        asked = np.zeros((3, len(time)))
-        asked[0] = time + forward / 0.84
-        answer = control.forced_response(system, time, asked).outputs
+        demand = np.zeros((3, len(time)))
+        demand[0] = time + forward / 0.84
+        answer = control.forced_response(system, time, demand).outputs
         errors.append(abs(time[-1] - answer[0, -1]))
     assert errors[0] > 5 * errors[1]
     assert errors[1] == pytest.approx(GAIN_ERROR / 0.84, rel=0.2)

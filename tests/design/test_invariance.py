@@ -31,7 +31,7 @@ def problem_on(machine: Machine, **settings: Any) -> Problem:
     )
 
 
-def found(problem: Problem, start: np.ndarray | None = None) -> Search:
+def searched(problem: Problem, start: np.ndarray | None = None) -> Search:
     return Search(problem=problem, x=problem.vector.start if start is None else start).run(
         trust=0.2, tolerance=1e-7
     )
@@ -39,7 +39,7 @@ def found(problem: Problem, start: np.ndarray | None = None) -> Search:
 
 @cache
 def best(seed: int) -> Search:
-    return found(problem_on(random_machine(seed)))
+    return searched(problem_on(random_machine(seed)))
 
 
 def gain(search: Search) -> float:
@@ -52,7 +52,7 @@ def test_order_of_cylinders(seed: int) -> None:
     machine = random_machine(seed)
     turned = replace(machine, cylinders=machine.cylinders[::-1], linkages=machine.linkages[::-1])
     assert gain(best(seed)) > 1.2
-    assert gain(found(problem_on(turned))) == pytest.approx(gain(best(seed)), rel=1e-6)
+    assert gain(searched(problem_on(turned))) == pytest.approx(gain(best(seed)), rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -71,7 +71,7 @@ def test_units(seed: int) -> None:
     }
     other = scaled(machine, length=a, mass=c * a**2, modulus=c)
     other = other.replace({f"supply.{key}": c * value for key, value in pressures.items()})
-    search = found(problem_on(other))
+    search = searched(problem_on(other))
     assert gain(search) == pytest.approx(gain(best(seed)), rel=1e-6)
     assert a * search.squared == pytest.approx(best(seed).squared, rel=1e-6)
     assert_allclose(search.x, best(seed).x, atol=1e-4)
@@ -89,7 +89,7 @@ def test_start(seed: int) -> None:
             problem.vector.start + random.uniform(-0.3, 0.3, len(problem.vector.start)),
             *problem.bounds,
         )
-        reached.append(gain(found(problem, x)))
+        reached.append(gain(searched(problem, x)))
     assert max(reached) == pytest.approx(gain(best(seed)), rel=1e-5)
 
 
@@ -104,7 +104,7 @@ def test_tighter_never_helps(seed: int, setting: str) -> None:
     limit = problem.vector.pin_box if setting == "pin_box" else getattr(requirements, setting)
     reached = [gain(best(seed))]
     for share in (0.95, 0.5 if setting == "pin_box" else 0.9):
-        reached.append(gain(found(problem_on(problem.machine, **{setting: share * limit}))))
+        reached.append(gain(searched(problem_on(problem.machine, **{setting: share * limit}))))
     assert np.all(np.diff(reached) <= 1e-5 * reached[0])
 
 

@@ -167,14 +167,14 @@ def test_least_of_a_catalogue_as_enumerated(of: str, share: float) -> None:
     free = replace(WIDE, **{AMOUNTS[of]: 1e3})
     amounts = []
     for pair in itertools.product(SIZES, repeat=2):
-        made = replace(
+        candidate = replace(
             machine,
             cylinders=tuple(sized(c, *s) for c, s in zip(machine.cylinders, pair, strict=True)),
         )
-        if min(c.slack for c in check(made, machine, space, free)) < -1e-9:
+        if min(c.slack for c in check(candidate, machine, space, free)) < -1e-9:
             continue
-        if float(lowest_frequency(made.evaluate(space.rigid)).min()) >= frequency:
-            amounts.append(amount_of(made, machine, of))
+        if float(lowest_frequency(candidate.evaluate(space.rigid)).min()) >= frequency:
+            amounts.append(amount_of(candidate, machine, of))
     design = ad.least(
         machine, space, WIDE, frequency=frequency, of=of, vary=("areas",), catalogue=SIZES
     )
@@ -182,9 +182,9 @@ def test_least_of_a_catalogue_as_enumerated(of: str, share: float) -> None:
     assert getattr(design.requirements, AMOUNTS[of]) == pytest.approx(min(amounts), rel=1e-9)
     assert amount_of(design.machine, machine, of) == pytest.approx(min(amounts), rel=1e-9)
     assert design.after.frame["f1_hz"].min() >= frequency
-    assert design.selection is not None
-    assert design.selection.below is not None
-    assert design.selection.below < frequency
+    assert design.best_sizes is not None
+    assert design.best_sizes.below is not None
+    assert design.best_sizes.below < frequency
 
 
 def test_amounts_by_hand() -> None:
@@ -223,12 +223,12 @@ def test_least_of_a_catalogue_with_pins_as_enumerated(kept: Requirements) -> Non
     for pair in itertools.product(sizes, repeat=2):
         chosen = replace(start.problem, sizes=pair)
         try:
-            found = searches.search(
+            search = searches.search(
                 Search(problem=chosen, x=np.clip(start.x, *chosen.bounds)).run(trust=0.1)
             )
         except InfeasibleError:
             continue
-        amounts.append(found.problem.requirements.oil_total_share)
+        amounts.append(search.problem.requirements.oil_total_share)
     design = ad.least(
         machine,
         space,

@@ -38,13 +38,13 @@ def test_a_looser_limit_is_never_worse(name: str, against: str, vary: tuple[str,
     limit.
     """
     machine, kept = MACHINES[name](), any_lift_and_torque(name)
-    found = ad.pareto(machine, workspace_of(name), kept, against=against, vary=vary, starts=1)
-    assert len(found.designs) >= 3
-    unrounded = [design.unrounded for design in found.designs]
+    front = ad.pareto(machine, workspace_of(name), kept, against=against, vary=vary, starts=1)
+    assert len(front.designs) >= 3
+    unrounded = [design.unrounded for design in front.designs]
     assert np.all(np.diff(unrounded) >= -1e-5 * unrounded[-1])
     assert unrounded[-1] > 1.02 * unrounded[0]
-    assert all(slack >= -1e-9 for design in found.designs for slack in design.slacks.values())
-    frame = found.frame
+    assert all(slack >= -1e-9 for design in front.designs for slack in design.slacks.values())
+    frame = front.frame
     kept = {
         "oil": frame["oil_share"] <= frame["limit"],
         "thrust": frame["thrust_share"] <= frame["limit"],
@@ -63,9 +63,9 @@ def test_each_point_is_the_optimum_of_its_own_problem() -> None:
     """
     machine, workspace = MACHINES["single"](), workspace_of("single")
     kept, values = any_lift_and_torque("single"), (1.05, 0.7, 0.85)
-    found = ad.pareto(machine, workspace, kept, against="oil", values=values, vary=("areas",))
-    assert found.limits == (0.7, 0.85, 1.05)
-    for limit, design in zip(found.limits, found.designs, strict=True):
+    front = ad.pareto(machine, workspace, kept, against="oil", values=values, vary=("areas",))
+    assert front.limits == (0.7, 0.85, 1.05)
+    for limit, design in zip(front.limits, front.designs, strict=True):
         requirements = replace(kept, oil_total_share=limit, oil_each_share=1.1 * limit)
         assert design.requirements == requirements
         alone = ad.optimize(machine, workspace, requirements, vary=("areas",))
@@ -79,10 +79,10 @@ def test_points_of_a_catalogue() -> None:
     machine, workspace = MACHINES["double"](), workspace_of("double")
     sizes = [(bore * mm, rod * mm) for bore in (90, 95, 100, 105) for rod in (63, 66)]
     kept, values = any_lift_and_torque("double"), (0.5, 0.9, 1.0, 1.1)
-    found = ad.pareto(machine, workspace, kept, values=values, vary=("areas",), catalogue=sizes)
-    assert found.limits == (0.9, 1.0, 1.1)
-    assert "no sizes of the catalogue meet" in found.left_out[0.5]
-    for design in found.designs:
+    front = ad.pareto(machine, workspace, kept, values=values, vary=("areas",), catalogue=sizes)
+    assert front.limits == (0.9, 1.0, 1.1)
+    assert "no sizes of the catalogue meet" in front.left_out[0.5]
+    for design in front.designs:
         assert design.unrounded == pytest.approx(
             enumerated(machine, workspace, design.requirements, sizes), rel=1e-9
         )
@@ -93,14 +93,14 @@ def test_points_of_a_catalogue_with_pins() -> None:
     """Each starts with its tighter neighbour's sizes and pins too, so it cannot be worse."""
     machine, workspace = MACHINES["double"](), workspace_of("double")
     kept, values = any_lift_and_torque("double"), (1.0, 1.15, 1.3)
-    found = ad.pareto(
+    front = ad.pareto(
         machine, workspace, kept, against="thrust", values=values, starts=1, catalogue="5mm"
     )
-    unrounded = [design.unrounded for design in found.designs]
+    unrounded = [design.unrounded for design in front.designs]
     assert np.all(np.diff(unrounded) >= -1e-5 * unrounded[-1])
     assert unrounded[-1] > 1.01 * unrounded[0]
     offered = set(sizes_of("5mm"))
-    for design in found.designs:
+    for design in front.designs:
         assert {(round(c.bore, 6), round(c.rod, 6)) for c in design.machine.cylinders} <= offered
         assert min(design.slacks.values()) >= -1e-9
 
@@ -110,13 +110,13 @@ def test_limits_that_no_design_meets_are_left_out_and_said() -> None:
     arm.
     """
     machine, kept = MACHINES["single"](), any_lift_and_torque("single")
-    found = ad.pareto(machine, workspace_of("single"), kept, values=(0.05, 1.0), vary=("areas",))
-    assert found.limits == (1.0,)
-    assert set(found.left_out) == {0.05}
-    assert found.sentences[0].startswith("oil 0.05 is left out: no design meets ")
-    assert "oil.cap" in found.sentences[0]
+    front = ad.pareto(machine, workspace_of("single"), kept, values=(0.05, 1.0), vary=("areas",))
+    assert front.limits == (1.0,)
+    assert set(front.left_out) == {0.05}
+    assert front.sentences[0].startswith("oil 0.05 is left out: no design meets ")
+    assert "oil.cap" in front.sentences[0]
     # on how much, as well as on what
-    assert re.search(r": relax .*oil\.cap\S* by [\d.]+ l \(\d+ %\)", found.sentences[0])
+    assert re.search(r": relax .*oil\.cap\S* by [\d.]+ l \(\d+ %\)", front.sentences[0])
 
 
 def test_no_value_that_can_be_met() -> None:
@@ -125,19 +125,19 @@ def test_no_value_that_can_be_met() -> None:
 
 
 def test_the_plot_shows_today_and_every_design(tmp_path: Path) -> None:
-    found = ad.pareto(
+    front = ad.pareto(
         MACHINES["single"](), workspace_of("single"), values=(1.0, 1.2), vary=("areas",)
     )
-    ax = found.plot()
+    ax = front.plot()
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
     assert (
-        lines["best design"].tolist() == found.frame[["limit", "frequency_hz"]].to_numpy().tolist()
+        lines["best design"].tolist() == front.frame[["limit", "frequency_hz"]].to_numpy().tolist()
     )
-    before = found.designs[0].before.worst.frequency
+    before = front.designs[0].before.worst.frequency
     assert lines["today's machine"].tolist() == [[1.0, before]]
     as_today = lines["frequency² × joint speed as today"][-1]
     assert as_today == pytest.approx([1.2, 1.2**0.5 * before])
-    gains = [f"{100 * gain:+.1f} %" for gain in found.frame["gain"]]
+    gains = [f"{100 * gain:+.1f} %" for gain in front.frame["gain"]]
     assert [text.get_text() for text in ax.texts] == gains
     assert ax.get_ylim()[0] > 0.5 * before, "an axis from zero hides what a limit costs"
     assert plots.save(ax.figure, tmp_path / "pareto.png").stat().st_size > 1000
@@ -166,11 +166,11 @@ def test_bad_questions(settings: dict[str, object], message: str) -> None:
 
 
 def test_a_start_is_a_design_of_the_same_machine() -> None:
-    found = ad.size_cylinders(MACHINES["single"](), workspace_of("single"))
+    design = ad.size_cylinders(MACHINES["single"](), workspace_of("single"))
     with pytest.raises(
         ad.ArmDesignError, match=r"start: is a design of odd, not of excavator_20t"
     ):
-        ad.optimize(machines.named("excavator_20t"), start=found)
+        ad.optimize(machines.named("excavator_20t"), start=design)
 
 
 @pytest.mark.slow
@@ -193,8 +193,8 @@ def test_against_digging_its_cylinders_may_lose_torque() -> None:
         machine, workspace_of("double"), requirements,
         against="digging", values=(1.0, 0.8), vary=("areas",),
     )  # fmt: skip
-    asked = [design.requirements.torque_share for design in front.designs]
-    assert asked == [{"default": 0.95, "fold": 0.95}, {"default": 0.95, "fold": 0.8}]
+    torque_shares = [design.requirements.torque_share for design in front.designs]
+    assert torque_shares == [{"default": 0.95, "fold": 0.95}, {"default": 0.95, "fold": 0.8}]
     for design, limit, printed in zip(
         front.designs, front.limits, front.frame["digging_share"], strict=True
     ):

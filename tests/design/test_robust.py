@@ -101,9 +101,9 @@ def test_slopes_within_bands_are_differences(name: str) -> None:
         for v in np.flatnonzero(np.ptp(problem.bounds, axis=0) > 0):
             ends = [x + sign * step * (np.arange(len(x)) == v) for sign in (1, -1)]
             up, down = (problem.dynamics.omega_squared(end, one)[0] for end in ends)
-            found = vector @ slopes[v, 0] @ vector
+            slope = vector @ slopes[v, 0] @ vector
             # differences lose 1e-16/1e-5 of ω² to rounding
-            assert_allclose(found, (up - down) / (2 * step), rtol=2e-5, atol=1e-8 * squared)
+            assert_allclose(slope, (up - down) / (2 * step), rtol=2e-5, atol=1e-8 * squared)
 
 
 @pytest.mark.slow
@@ -288,10 +288,10 @@ def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands, objective: s
     )
     today = ad.frequency_band(machine, space, bands)
 
-    def reached(made: ad.Machine) -> float:
+    def reached(changed: ad.Machine) -> float:
         if objective == "worst":
-            return worst_within(made, space, bands, machine).frequency
-        new = ad.frequency_band(made, space, bands, today=machine).scenarios
+            return worst_within(changed, space, bands, machine).frequency
+        new = ad.frequency_band(changed, space, bands, today=machine).scenarios
         gains = [n.frequency / o.frequency for n, o in zip(new, today.scenarios, strict=True)]
         return today.nominal * min(gains)
 
@@ -300,16 +300,16 @@ def test_sizes_of_a_catalogue_for_bands(name: str, bands: ad.Bands, objective: s
         cylinders = tuple(
             sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True)
         )
-        made = replace(machine, cylinders=cylinders)
-        if min(c.slack for c in check(made, machine, space, requirements)) >= -1e-9:
-            wanted = max(wanted, reached(made))
+        changed = replace(machine, cylinders=cylinders)
+        if min(c.slack for c in check(changed, machine, space, requirements)) >= -1e-9:
+            wanted = max(wanted, reached(changed))
     design = ad.size_cylinders(
         machine, space, requirements, bands=bands, objective=objective, catalogue=sizes
     )
     assert wanted > 0
     assert design.unrounded == pytest.approx(wanted, rel=1e-9)
-    assert design.selection is not None
-    assert design.selection.bound == design.selection.frequency
+    assert design.best_sizes is not None
+    assert design.best_sizes.bound == design.best_sizes.frequency
     assert design.bound == pytest.approx(wanted, rel=1e-9)
     # its file has 1e-6 mm
     assert reached(design.machine) == pytest.approx(wanted, rel=1e-7)
@@ -340,11 +340,11 @@ def test_trade_off_for_bands() -> None:
     its least gain within them.
     """
     machine, workspace = MACHINES["double"](), workspace_of("double")
-    found = ad.pareto(
+    front = ad.pareto(
         machine, workspace, against="oil", values=(0.9, 1.0), vary=("areas",), bands=BANDS
     )
-    assert found.robust
-    for design, (_, row) in zip(found.designs, found.frame.iterrows(), strict=True):
+    assert front.robust
+    for design, (_, row) in zip(front.designs, front.frame.iterrows(), strict=True):
         alone = ad.size_cylinders(machine, workspace, design.requirements, bands=BANDS)
         assert design.unrounded == pytest.approx(alone.unrounded, rel=1e-4)
         assert row["banded_hz"] == worst_within(design.machine, workspace, BANDS).frequency
@@ -352,10 +352,10 @@ def test_trade_off_for_bands() -> None:
         before = ad.frequency_band(machine, workspace, BANDS)
         after = ad.frequency_band(design.machine, workspace, BANDS, today=machine)
         assert row["least_gain"] == after.least_gain(before)
-    sheet = pareto_sheet(found)
+    sheet = pareto_sheet(front)
     assert sheet.columns[3:5] == ("in the bands", "least gain")
     assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
-    assert "worst within the bands" in [line.get_label() for line in found.plot().lines][2]
+    assert "worst within the bands" in [line.get_label() for line in front.plot().lines][2]
 
 
 @pytest.mark.slow
@@ -366,7 +366,7 @@ def test_no_sample_within_the_bands_is_worse() -> None:
     machine, workspace = MACHINES["excavator"](), workspace_of("excavator")
     new = ad.optimize(machine, workspace, starts=1, bands=BANDS, objective="worst")
     low, random = new.band_after.low.frequency, np.random.default_rng(7)
-    found = []
+    sampled = []
     for _ in range(40):
         modulus, volume, load, link = (
             random.uniform(*band)
@@ -389,9 +389,9 @@ def test_no_sample_within_the_bands_is_worse() -> None:
             case = sample.with_payload(payload.name)
             rigid = scaled_links(workspace.rigid[case.holds(workspace.rigid)], link)
             lowest = min(lowest, ad.natural_modes(case.evaluate(rigid)).frequencies[:, 0].min())
-        found.append(lowest)
-    assert min(found) >= low * (1 - 1e-9)
-    assert min(found) < 1.1 * low, "samples come near the worst, or this says nothing"
+        sampled.append(lowest)
+    assert min(sampled) >= low * (1 - 1e-9)
+    assert min(sampled) < 1.1 * low, "samples come near the worst, or this says nothing"
 
 
 @pytest.mark.slow
@@ -405,24 +405,24 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
         ("worst", "for the lowest"),
         ("gain", "for the least gain"),
     ):
-        found = ad.size_cylinders(stated, workspace, **given.get(made_for, {}))
-        first, sheet = design_sheets(found)[:2]
+        design = ad.size_cylinders(stated, workspace, **given.get(made_for, {}))
+        first, sheet = design_sheets(design)[:2]
         assert sheet.title.startswith("Worst frequency within the bands")
         assert sheet.rows[0][1:] == tuple(
             f"{f:.3f} Hz"
             for f in (
-                found.band_before.low.frequency,
-                found.band_before.nominal,
-                found.band_before.high.frequency,
+                design.band_before.low.frequency,
+                design.band_before.nominal,
+                design.band_before.high.frequency,
             )
         )
         assert "oil 0.7 to 1.1 ×" in sheet.note
-        least = f"least gain within the bands {100 * found.least_gain:+.1f} %"
+        least = f"least gain within the bands {100 * design.least_gain:+.1f} %"
         assert sheet.note.endswith(f"; the new machine was designed {words}; {least}")
         assert (": in the worst case of the bands; before rounding" in first.note) == (
             made_for == "worst"
         )
-        gain = 100 * (found.unrounded / found.band_before.nominal - 1)
+        gain = 100 * (design.unrounded / design.band_before.nominal - 1)
         assert (f"before rounding {gain:+.1f} %" in first.note) == (made_for == "gain")
     plain = machine_with(stated, "")
     assumed = ad.size_cylinders(plain, workspace)

@@ -191,8 +191,8 @@ def test_a_mode_swings_the_tool_by_its_amplitude(name: str) -> None:
     modes = natural_modes(machine.at(q))
     z = swung(machine, q, modes.shapes[:, :, 0], 1e-3)
     arm, at = machine.arm, np.array(machine.tool.at)
-    there, here = (arm.point(arm.kinematics(p), machine.tool.link, at)[0] for p in (z, q))
-    assert math.dist(there, here) == pytest.approx(1e-3, rel=1e-3)
+    there, at_rest = (arm.point(arm.kinematics(p), machine.tool.link, at)[0] for p in (z, q))
+    assert math.dist(there, at_rest) == pytest.approx(1e-3, rel=1e-3)
     assert z.shape == (1, len(arm.coordinates))
     assert not np.allclose(side_view(machine, z).points, side_view(machine, q).points)
 

@@ -176,11 +176,11 @@ def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
     closing = [joint for joint in model.findall("joint") if joint.get("type") == "ball"]
     assert {j.findtext("child") for j in closing} >= set(ends)
     for joint, limits in zip(machine.joints, machine.arm.limits, strict=True):
-        found = model.find(f"joint[@name='{joint}_joint']/axis/limit")
-        assert found is not None
-        rest = [float(found.findtext(end) or "nan") for end in ("lower", "upper")]
+        limit = model.find(f"joint[@name='{joint}_joint']/axis/limit")
+        assert limit is not None
+        lower_upper = [float(limit.findtext(end) or "nan") for end in ("lower", "upper")]
         at = q[machine.joints.index(joint)]
-        assert np.array(rest) + at == pytest.approx(limits, abs=1e-12)
+        assert np.array(lower_upper) + at == pytest.approx(limits, abs=1e-12)
 
 
 def test_links_of_the_file_are_drawn_and_have_limits_of_their_actuators(tmp_path: Path) -> None:
@@ -215,6 +215,8 @@ def test_the_command_writes_what_is_asked_for(
         (["--format", "step"], '--format: "step" is not known; choose from: csv, dxf, urdf, sdf'),
         (["--format", ","], "--format: names no format"),
         (["--pose", "boom=99"], "--pose: boom 99 deg is outside its range"),
+        (["--pose", "boom=nan"], "--pose: boom nan deg is outside its range ["),
+        (["--pose", "boom=nan"], "] deg; give boom=… in deg"),
     ],
 )
 def test_bad_options(words: list[str], message: str, refused: Refused) -> None:

@@ -210,7 +210,7 @@ class Twin:
         """
         data, initial = self.system.systemData, exudyn.ConfigurationType.Initial
         settings = _settings(1.0, 1.0)
-        found = []
+        derivatives = []
         for state in states:
             q, velocity, pressures = np.split(state, (len(self._order), 2 * len(self._order)))
             data.SetODE2Coordinates(self._from(q), initial)
@@ -218,8 +218,8 @@ class Twin:
             data.SetODE1Coordinates(UNIT * pressures, initial)
             self.system.SolveDynamic(settings, solverType=exudyn.DynamicSolverType.ExplicitEuler)
             end = data.GetODE2Coordinates()[self._order], data.GetODE2Coordinates_t()[self._order]
-            found.append(np.concatenate([*end, data.GetODE1Coordinates() / UNIT]) - state)
-        return np.array(found)
+            derivatives.append(np.concatenate([*end, data.GetODE1Coordinates() / UNIT]) - state)
+        return np.array(derivatives)
 
     def _from(self, values: Array) -> Array:
         ordered = np.zeros(len(values))

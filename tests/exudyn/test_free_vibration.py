@@ -42,11 +42,11 @@ def poles(machine: Machine, pose: np.ndarray) -> np.ndarray:
     pressures, machine = holding_pressures(machine, pose), settled(machine, pose)
     twin, whole = Twin(machine, pose, pressures), machine.arm.with_springs(pose[None])[0]
     nq = len(whole)
-    rest = np.concatenate([whole, np.zeros(nq), pressures.ravel() / UNIT])[None]
+    equilibrium = np.concatenate([whole, np.zeros(nq), pressures.ravel() / UNIT])[None]
     # [rad/s²]: it does hold the load
-    np.testing.assert_allclose(twin.rates(rest)[0, nq : 2 * nq], 0, atol=1e-10)
-    found = np.linalg.eigvals(difference(twin.rates, rest)[0])
-    return found[np.argsort(found.imag)[-nq:]]
+    np.testing.assert_allclose(twin.rates(equilibrium)[0, nq : 2 * nq], 0, atol=1e-10)
+    eigenvalues = np.linalg.eigvals(difference(twin.rates, equilibrium)[0])
+    return eigenvalues[np.argsort(eigenvalues.imag)[-nq:]]
 
 
 @pytest.mark.parametrize("name", DIRECT)
@@ -57,11 +57,13 @@ def test_poles_of_the_right_hand_side(name: str) -> None:
     """
     machine = named(name)
     for pose in machines.inner_poses(machine, 4):
-        found = poles(machine, pose)
+        eigenvalues = poles(machine, pose)
         np.testing.assert_allclose(
-            found.imag / (2 * np.pi), ad.natural_modes(machine.at(pose)).frequencies[0], rtol=1e-9
+            eigenvalues.imag / (2 * np.pi),
+            ad.natural_modes(machine.at(pose)).frequencies[0],
+            rtol=1e-9,
         )
-        np.testing.assert_allclose(found.real, 0, atol=1e-9 * np.abs(found).max())
+        np.testing.assert_allclose(eigenvalues.real, 0, atol=1e-9 * np.abs(eigenvalues).max())
 
 
 def on_springs(seed: int, damping_ratio: float) -> Machine:
@@ -81,13 +83,13 @@ def test_poles_on_springs(seed: int) -> None:
     """
     machine = on_springs(seed, 0.0)
     pose = machines.inner_poses(machine, 1)[0]
-    found = poles(machine, pose)
+    eigenvalues = poles(machine, pose)
     frequencies = ad.natural_modes(machine.at(pose)).frequencies[0]
-    np.testing.assert_allclose(found.imag / (2 * np.pi), frequencies, rtol=1e-9)
+    np.testing.assert_allclose(eigenvalues.imag / (2 * np.pi), frequencies, rtol=1e-9)
     damped = on_springs(seed, 0.05)
-    found = poles(damped, pose)
-    assert np.max(-found.real / np.abs(found)) > 0.005
-    np.testing.assert_allclose(found, linearize(with_valves(damped), pose).modes, rtol=1e-7)
+    eigenvalues = poles(damped, pose)
+    assert np.max(-eigenvalues.real / np.abs(eigenvalues)) > 0.005
+    np.testing.assert_allclose(eigenvalues, linearize(with_valves(damped), pose).modes, rtol=1e-7)
 
 
 @pytest.mark.slow
@@ -100,9 +102,9 @@ def test_poles_with_viscous_friction(name: str) -> None:
         cylinders=tuple(replace(c, friction=Friction(viscous=2e4)) for c in machine.cylinders),
     )
     for pose in machines.inner_poses(machine, 2):
-        found = poles(machine, pose)
-        assert np.max(-found.real / np.abs(found)) > 0.005
-        np.testing.assert_allclose(found, linearize(machine, pose).modes, rtol=1e-7)
+        eigenvalues = poles(machine, pose)
+        assert np.max(-eigenvalues.real / np.abs(eigenvalues)) > 0.005
+        np.testing.assert_allclose(eigenvalues, linearize(machine, pose).modes, rtol=1e-7)
 
 
 def vibration(
@@ -141,9 +143,9 @@ def test_free_vibration(name: str, tolerance: float) -> None:
     """
     machine = named(name)
     for pose in machines.inner_poses(machine, 3):
-        found = identified(vibration(machine, pose, "RK67", 40, 100.0), every=10) / (2 * np.pi)
+        ringing = identified(vibration(machine, pose, "RK67", 40, 100.0), every=10) / (2 * np.pi)
         np.testing.assert_allclose(
-            found, ad.natural_modes(machine.at(pose)).frequencies[0], rtol=tolerance
+            ringing, ad.natural_modes(machine.at(pose)).frequencies[0], rtol=tolerance
         )
 
 
@@ -158,11 +160,11 @@ def test_free_vibration_of_a_closed_loop(name: str) -> None:
     """
     machine = named(name)
     for pose in machines.inner_poses(machine, 2):
-        found = []
+        ringing = []
         for push in (3000.0, -3000.0):
             motion = vibration(machine, pose, "TrapezoidalIndex2", 12, push)
             half = (motion.time[1] - motion.time[0]) / 2
-            found.append(np.tan(identified(motion, every=3) * half) / half / (2 * np.pi))
+            ringing.append(np.tan(identified(motion, every=3) * half) / half / (2 * np.pi))
         np.testing.assert_allclose(
-            np.mean(found, axis=0), ad.natural_modes(machine.at(pose)).frequencies[0], rtol=1e-5
+            np.mean(ringing, axis=0), ad.natural_modes(machine.at(pose)).frequencies[0], rtol=1e-5
         )

@@ -46,12 +46,14 @@ def valves(machine: Machine, steps: Sequence[float]) -> Valves:
     high, low = machine.supply.pressure, machine.supply.return_pressure
 
     def openings(time: float, pressures: np.ndarray) -> list[tuple[float, float]]:
-        found = []
+        valves_of_twin = []
         for step, response, (cap, annulus) in zip(steps, responses, pressures, strict=True):
             spool = step * response(time)
             drops = (high - cap, annulus - low) if spool >= 0 else (cap - low, high - annulus)
-            found.append((spool * laminar_share(drops[0]), -spool * laminar_share(drops[1])))
-        return found
+            valves_of_twin.append(
+                (spool * laminar_share(drops[0]), -spool * laminar_share(drops[1]))
+            )
+        return valves_of_twin
 
     return openings
 
@@ -77,10 +79,10 @@ def test_difference_falls_at_second_order(name: str) -> None:
     ]
     for quantity, tolerance in (("q", 1e-6), ("pressures", 1e-5)):
         expected = getattr(ours, quantity)
-        found = [getattr(run, quantity)[::count] for run, count in zip(runs, COUNTS, strict=True)]
-        found.append((4 * found[-1] - found[-2]) / 3)
+        series = [getattr(run, quantity)[::count] for run, count in zip(runs, COUNTS, strict=True)]
+        series.append((4 * series[-1] - series[-2]) / 3)
         *differences, last = (
-            np.abs(value - expected).max() / np.ptp(expected, axis=0).max() for value in found
+            np.abs(value - expected).max() / np.ptp(expected, axis=0).max() for value in series
         )
         np.testing.assert_allclose(np.divide(differences[:-1], differences[1:]), 4, rtol=0.05)
         assert last < tolerance

@@ -49,11 +49,11 @@ def test_one_joint_by_hand() -> None:
     band = ad.frequency_band(machine, workspace, bands)
     for extreme, modulus in ((band.low, 0.81), (band.high, 1.44)):
         poses = machine.with_payload(extreme.payload).at(extreme.q)
-        oil, rest = (
+        oil, without_oil = (
             poses.hydraulic_stiffness[0, 0, 0],
             poses.stiffness_matrix[0, 0, 0] - poses.hydraulic_stiffness[0, 0, 0],
         )
-        squared = (modulus * oil + 1.1 * rest) / (1.1 * poses.mass_matrix[0, 0, 0])
+        squared = (modulus * oil + 1.1 * without_oil) / (1.1 * poses.mass_matrix[0, 0, 0])
         assert_allclose(extreme.frequency, math.sqrt(squared) / (2 * math.pi), rtol=1e-9)
 
 

@@ -73,14 +73,14 @@ def test_a_machine_without_a_pose_for_any_load_case_says_so() -> None:
 @pytest.mark.parametrize("name", ["excavator_20t", "crossing"])
 def test_chunks_leave_no_trace(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A map made 97 poses at a time, nothing kept, is the map."""
-    found, machine = mapped(name), machines.named(name)
+    frequencies, machine = mapped(name), machines.named(name)
     monkeypatch.setattr("armdesign.arrays.CHUNK", 97)
     monkeypatch.setattr("armdesign.frequency.workspace.KEPT", 0)
     again = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
-    pd.testing.assert_frame_equal(again.frame, found.frame, rtol=1e-12)
-    assert np.array_equal(again.limiting, found.limiting)
-    modes = ad.natural_modes(machine.at(found.workspace.q))
-    assert modes.frequencies.shape == (len(found.workspace), len(machine.joints))
+    pd.testing.assert_frame_equal(again.frame, frequencies.frame, rtol=1e-12)
+    assert np.array_equal(again.limiting, frequencies.limiting)
+    modes = ad.natural_modes(machine.at(frequencies.workspace.q))
+    assert modes.frequencies.shape == (len(frequencies.workspace), len(machine.joints))
 
 
 @pytest.mark.parametrize("terminal", [True, False])
@@ -103,29 +103,35 @@ def test_percentiles_and_shares_weigh_the_rows(name: str) -> None:
 
     Half of the weight lies on either side of the median, to the box of one pose.
     """
-    found = mapped(name, 4)
-    q, weights = found.frame[list(found.machine.joints)].to_numpy(), np.ones(len(found.frame))
-    for axis, values in zip(found.workspace.axes, q.T, strict=True):
+    frequencies = mapped(name, 4)
+    q = frequencies.frame[list(frequencies.machine.joints)].to_numpy()
+    weights = np.ones(len(q))
+    for axis, values in zip(frequencies.workspace.axes, q.T, strict=True):
         off = np.abs(values[:, None] - axis).min(axis=1)
         weights *= np.where(
             off > 1e-9, 0, np.where((values == axis[0]) | (values == axis[-1]), 0.5, 1)
         )
-    assert_allclose(found.weights, weights, atol=0)
-    table = found.percentiles([0, 50, 100])
-    assert list(table.index) == [*(payload.name for payload in found.machine.payloads), "all"]
-    assert table.loc["all", "0 %"] == found.frame["f1_hz"].min()
-    assert table.loc["all", "100 %"] == found.frame["f1_hz"].max()
-    for payload, rows in found.frame.groupby("payload"):
+    assert_allclose(frequencies.weights, weights, atol=0)
+    table = frequencies.percentiles([0, 50, 100])
+    assert list(table.index) == [
+        *(payload.name for payload in frequencies.machine.payloads),
+        "all",
+    ]
+    assert table.loc["all", "0 %"] == frequencies.frame["f1_hz"].min()
+    assert table.loc["all", "100 %"] == frequencies.frame["f1_hz"].max()
+    for payload, rows in frequencies.frame.groupby("payload"):
         below = weights[rows.index][rows["f1_hz"] <= table.loc[payload, "50 %"]].sum()
         assert below == pytest.approx(weights[rows.index].sum() / 2, abs=1)
-        assert found.worst_of[payload].frequency <= rows["f1_hz"].min() + 1e-12
-        assert found.worst_of[payload].payload == payload
-    assert found.worst.frequency == min(worst.frequency for worst in found.worst_of.values())
-    shares = found.limiting_shares
+        assert frequencies.worst_of[payload].frequency <= rows["f1_hz"].min() + 1e-12
+        assert frequencies.worst_of[payload].payload == payload
+    assert frequencies.worst.frequency == min(
+        worst.frequency for worst in frequencies.worst_of.values()
+    )
+    shares = frequencies.limiting_shares
     assert shares.sum() == pytest.approx(1)
-    for c in found.machine.cylinders:
+    for c in frequencies.machine.cylinders:
         assert shares[c.name] == pytest.approx(
-            weights[found.limiting == c.name].sum() / weights.sum(), abs=1e-12
+            weights[frequencies.limiting == c.name].sum() / weights.sum(), abs=1e-12
         )
 
 
@@ -149,7 +155,7 @@ def test_percentiles_and_shares_are_those_of_random_poses(name: str, kind: str) 
     """
     machine = machines.named(name)
     space = getattr(ad.Workspace, kind)(machine, *([6000] if kind == "sobol" else []))
-    found = ad.frequency_map(machine, space)
+    frequencies = ad.frequency_map(machine, space)
     low, high = machine.range_within(space.end_margin).T
     q = low + np.random.default_rng(8).random((12_000, len(low))) * (high - low)
     # a cell at the rim loses what misses its middle
@@ -160,11 +166,11 @@ def test_percentiles_and_shares_are_those_of_random_poses(name: str, kind: str) 
         modes = ad.natural_modes(poses)
         percents = np.percentile(modes.frequencies[:, 0], [5, 25, 50, 75, 95])
         assert_allclose(
-            found.percentiles([5, 25, 50, 75, 95]).loc[payload.name], percents, rtol=margin
+            frequencies.percentiles([5, 25, 50, 75, 95]).loc[payload.name], percents, rtol=margin
         )
         limits.append(energy_shares(poses, modes)[:, 0].argmax(axis=1))
     shares = np.bincount(np.concatenate(limits), minlength=3) / sum(map(len, limits))
-    assert_allclose(found.limiting_shares, shares, atol=margin)
+    assert_allclose(frequencies.limiting_shares, shares, atol=margin)
 
 
 def test_weighted_percentiles() -> None:
@@ -196,17 +202,17 @@ def test_weighted_percentiles() -> None:
 def test_a_load_case_that_is_all_edge_counts_its_rows() -> None:
     """A pitch range of hardly any width: the case exists at poses turned onto it alone."""
     machine = machines.named("excavator_20t").replace({"payload.full.pitch_deg": [179.99, 180.01]})
-    found = ad.frequency_map(machine, ad.Workspace.grid(machine, 4))
-    lowest = found.frame["f1_hz"][found.frame["payload"] == "full"]
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 4))
+    lowest = frequencies.frame["f1_hz"][frequencies.frame["payload"] == "full"]
     assert_allclose(
-        found.percentiles([5, 50]).loc["full"], np.percentile(lowest, [5, 50]), rtol=1e-12
+        frequencies.percentiles([5, 50]).loc["full"], np.percentile(lowest, [5, 50]), rtol=1e-12
     )
 
 
 def test_the_default_workspace_is_the_default_grid() -> None:
     machine = machines.named("patu_boom")
-    found = ad.frequency_map(machine)
-    assert_allclose(found.workspace.q, ad.Workspace.grid(machine).q, atol=0)
+    frequencies = ad.frequency_map(machine)
+    assert_allclose(frequencies.workspace.q, ad.Workspace.grid(machine).q, atol=0)
 
 
 @pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "redundant"])
@@ -215,14 +221,16 @@ def test_formula_ratios_obey_interlacing(name: str) -> None:
 
     Rigid: from the frame.
     """
-    found = mapped(name, 4)
-    table = found.formula_ratios
+    frequencies = mapped(name, 4)
+    table = frequencies.formula_ratios
     assert table.loc[(slice(None), "locked"), "least"].min() >= 1 - 1e-9
-    if len(found.machine.joints) == 1:
+    if len(frequencies.machine.joints) == 1:
         assert_allclose(table.loc[(slice(None), "locked"), :], 1, rtol=1e-9)
-    for cylinder in found.machine.cylinders:
-        ratio = (found.frame[f"rigid_{cylinder.name}_hz"] / found.frame["f1_hz"]).to_numpy()
-        expected = percentiles(ratio, found.weights, [0, 50, 100])
+    for cylinder in frequencies.machine.cylinders:
+        ratio = (
+            frequencies.frame[f"rigid_{cylinder.name}_hz"] / frequencies.frame["f1_hz"]
+        ).to_numpy()
+        expected = percentiles(ratio, frequencies.weights, [0, 50, 100])
         assert_allclose(table.loc[(cylinder.name, "rigid")], expected, rtol=1e-12)
         assert_allclose(expected[[0, 2]], [ratio.min(), ratio.max()], rtol=0)
 
@@ -232,15 +240,15 @@ def test_stiffness_bookkeeping_adds_up(name: str) -> None:
     """The parts sum to ω² of the lowest mode; oil alone, from the shares, is the Rayleigh quotient
     of K_h.
     """
-    found = mapped(name, 4)
-    omega = 2 * np.pi * found.frame["f1_hz"].to_numpy()
-    assert_allclose(found.stiffness_parts.sum(axis=1), omega**2, rtol=1e-9)
-    shares = found.stiffness_shares
+    frequencies = mapped(name, 4)
+    omega = 2 * np.pi * frequencies.frame["f1_hz"].to_numpy()
+    assert_allclose(frequencies.stiffness_parts.sum(axis=1), omega**2, rtol=1e-9)
+    shares = frequencies.stiffness_shares
     assert list(shares.columns) == ["hydraulic", "gravity", "geometric"]
     assert_allclose(shares.sum(axis=1), 1, rtol=1e-12)
-    row = len(found.frame) // 3
-    machine = found.machine.with_payload(found.frame["payload"].iloc[row])
-    poses = machine.at(found.frame[list(machine.joints)].iloc[row].to_numpy())
+    row = len(frequencies.frame) // 3
+    machine = frequencies.machine.with_payload(frequencies.frame["payload"].iloc[row])
+    poses = machine.at(frequencies.frame[list(machine.joints)].iloc[row].to_numpy())
     shape = ad.natural_modes(poses).shapes[0, :, 0]
     assert shares["hydraulic"].iloc[row] == pytest.approx(
         shape @ poses.hydraulic_stiffness[0] @ shape / omega[row] ** 2, rel=1e-9
@@ -249,10 +257,10 @@ def test_stiffness_bookkeeping_adds_up(name: str) -> None:
 
 def test_holding_pressures_balance_the_forces() -> None:
     """F = A1 p1 − A2 p2 with the unloaded chamber at the return pressure (definition)."""
-    found = mapped("excavator_20t")
-    supply, cylinder = found.machine.supply, found.machine.cylinders[1]
-    force = found.frame["stick_force_n"].to_numpy()
-    pressure = found.holding_pressures[:, 1] * supply.pressure
+    frequencies = mapped("excavator_20t")
+    supply, cylinder = frequencies.machine.supply, frequencies.machine.cylinders[1]
+    force = frequencies.frame["stick_force_n"].to_numpy()
+    pressure = frequencies.holding_pressures[:, 1] * supply.pressure
     pushing = cylinder.bore_area * pressure - cylinder.annulus_area * supply.return_pressure
     pulling = cylinder.bore_area * supply.return_pressure - cylinder.annulus_area * pressure
     least = (cylinder.bore_area - cylinder.annulus_area) * supply.return_pressure

@@ -70,7 +70,7 @@ def locked_by_definition(poses: ad.Poses) -> np.ndarray:
     Springs 1e6 and 2e6 times as stiff, extrapolated: the error falls as one over their stiffness.
     Infinite where these others hold every joint (rank by ``matrix_rank``).
     """
-    found = np.full(poses.cylinder_forces.shape, np.inf)
+    locked = np.full(poses.cylinder_forces.shape, np.inf)
     for row, arms in enumerate(poses.moment_arms):
         for i in range(len(arms)):
             held = [
@@ -83,8 +83,8 @@ def locked_by_definition(poses: ad.Poses) -> np.ndarray:
             once, twice = squared_frequencies(
                 np.stack([stiffness + clamps, stiffness + 2 * clamps]), mass
             )[:, 0]
-            found[row, i] = np.sqrt(max(2 * twice - once, 0)) / (2 * np.pi)
-    return found
+            locked[row, i] = np.sqrt(max(2 * twice - once, 0)) / (2 * np.pi)
+    return locked
 
 
 def test_locked_frequencies_are_those_with_all_other_cylinders_clamped(

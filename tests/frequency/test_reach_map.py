@@ -25,10 +25,10 @@ from tests.frequency.cached import mapped
 )
 def test_least_of_the_reach_picture_is_least_of_the_map(name: str) -> None:
     """The worst poses of these machines are on their grids."""
-    found = mapped(name)
-    reach = found.reach_map()
+    frequencies = mapped(name)
+    reach = frequencies.reach_map()
     assert reach.frequency.shape == (len(reach.reach), len(reach.height))
-    assert np.nanmin(reach.frequency) == pytest.approx(found.frame["f1_hz"].min(), rel=1e-12)
+    assert np.nanmin(reach.frequency) == pytest.approx(frequencies.frame["f1_hz"].min(), rel=1e-12)
 
 
 @pytest.mark.slow
@@ -41,8 +41,8 @@ def test_no_pose_lies_below_its_cell_of_the_reach_picture(name: str) -> None:
     below it.
     """
     machine = machines.named(name)
-    found = ad.frequency_map(machine)
-    reach, low, high = found.reach_map(), *found.workspace.ranges.T
+    frequencies = ad.frequency_map(machine)
+    reach, low, high = frequencies.reach_map(), *frequencies.workspace.ranges.T
     rng = np.random.default_rng(6)
     inside = low + rng.random((3000, len(low))) * (high - low)
     faces, which = inside.copy(), rng.integers(0, len(low), 3000)
@@ -57,7 +57,8 @@ def test_no_pose_lies_below_its_cell_of_the_reach_picture(name: str) -> None:
         case, poses = machine.with_payload(payload.name), np.concatenate(q)
         poses = case.at(
             poses[
-                case.holds(poses) & (case.margins(poses).min(axis=1) >= found.workspace.end_margin)
+                case.holds(poses)
+                & (case.margins(poses).min(axis=1) >= frequencies.workspace.end_margin)
             ]
         )
         place = np.stack([machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]])
@@ -74,8 +75,8 @@ def test_no_pose_on_a_joint_end_and_a_pitch_limit_lies_below_its_cell() -> None:
     too high.
     """
     machine = machines.named("excavator_20t")
-    found = ad.frequency_map(machine)
-    reach, ranges = found.reach_map(), found.workspace.ranges
+    frequencies = ad.frequency_map(machine)
+    reach, ranges = frequencies.reach_map(), frequencies.workspace.ranges
     case, q = machine.with_payload("full"), []
     for joint, end, limit in itertools.product((0, 1), (0, 1), case.payload.pitch):
         along = np.linspace(*ranges.T, 8000)
@@ -85,7 +86,9 @@ def test_no_pose_on_a_joint_end_and_a_pitch_limit_lies_below_its_cell() -> None:
         )
         q.append(turned[np.all((turned >= ranges[:, 0]) & (turned <= ranges[:, 1]), axis=1)])
     q = np.concatenate(q)
-    poses = case.at(q[case.holds(q) & (case.margins(q).min(axis=1) >= found.workspace.end_margin)])
+    poses = case.at(
+        q[case.holds(q) & (case.margins(q).min(axis=1) >= frequencies.workspace.end_margin)]
+    )
     assert len(poses) > 10_000
     at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
     cell = nearest(reach.reach, at[0]), nearest(reach.height, at[1])
@@ -98,8 +101,8 @@ def test_values_of_the_reach_picture_are_frequencies_of_poses() -> None:
     above.
     """
     machine = machines.named("excavator_20t")
-    found = ad.frequency_map(machine)
-    reach, low, high = found.reach_map(), *found.workspace.ranges.T
+    frequencies = ad.frequency_map(machine)
+    reach, low, high = frequencies.reach_map(), *frequencies.workspace.ranges.T
     size, rng = reach.reach[1] - reach.reach[0], np.random.default_rng(2)
     q = low + rng.random((20_000, 3)) * (high - low)
     place = np.stack([machine.arm.reach(q, tool := machine.at(q).tool), tool[:, 2]], axis=1)
@@ -137,10 +140,10 @@ def test_places_out_of_reach_are_blank() -> None:
     stroke = machine.section.cylinder["long"].stroke_mm
     # the one across both joints now stops them
     machine = machine.replace({"cylinder.long.stroke_mm": 0.58 * stroke})
-    found = ad.frequency_map(machine, ad.Workspace.grid(machine, 9))
-    _, _, cells = plots.joint_plane(found)
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 9))
+    _, _, cells = plots.joint_plane(frequencies)
     assert np.isnan(cells).any()
-    assert np.isfinite(cells).sum() == len(found.frame)
+    assert np.isfinite(cells).sum() == len(frequencies.frame)
 
 
 @pytest.mark.slow
@@ -150,8 +153,8 @@ def test_no_pose_with_all_joints_but_two_at_an_end_lies_below_its_cell() -> None
     Of 3000 cells 5 % were up to 55 % too high when poses were only spread over the faces.
     """
     machine = machines.named("random_3")
-    found = ad.frequency_map(machine)
-    reach, ranges = found.reach_map(), found.workspace.ranges
+    frequencies = ad.frequency_map(machine)
+    reach, ranges = frequencies.reach_map(), frequencies.workspace.ranges
     rng, lowest = np.random.default_rng(4), np.full(reach.frequency.shape, np.inf)
     for ends in itertools.product((0, 1, None), repeat=4):
         if ends.count(None) == 2:
@@ -175,22 +178,22 @@ def test_a_joint_leaves_its_end_for_a_corner_of_a_cell() -> None:
     3.4 % below the cell's.
     """
     machine = machines.named("random_3")
-    found = ad.frequency_map(machine)
-    reach, (low, high) = found.reach_map(), found.workspace.ranges.T
+    frequencies = ad.frequency_map(machine)
+    reach, (low, high) = frequencies.reach_map(), frequencies.workspace.ranges.T
     poses = machine.at(low + np.array([[0.9807, 1.0, 1.0, 0.8369]]) * (high - low))
     at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
     cell = nearest(reach.reach, at[0]), nearest(reach.height, at[1])
     assert reach.frequency[cell] < 1.002 * lowest_frequency(poses)
 
 
-def lowest_by_search(found: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> np.ndarray:
+def lowest_by_search(frequencies: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> np.ndarray:
     """Brute force: the lowest frequency of each cell among random poses, and those near the best.
 
     Poses inside, with joints at ends, and turned onto pitch limits; then ever nearer to the lowest
     pose of each cell. All computed, none interpolated.
     """
-    machine, rng = found.machine, np.random.default_rng(seed)
-    axes, margin = (reach.reach, reach.height), found.workspace.end_margin
+    machine, rng = frequencies.machine, np.random.default_rng(seed)
+    axes, margin = (reach.reach, reach.height), frequencies.workspace.end_margin
     low, high = machine.range_within(margin).T
     shape = reach.frequency.shape
     lowest = np.full(shape, np.inf)
@@ -236,9 +239,9 @@ def test_no_cell_is_far_above_what_a_search_finds(name: str, kind: str) -> None:
     """
     machine = machines.named(name)
     space = ad.Workspace.grid(machine) if kind == "grid" else ad.Workspace.sobol(machine, 3000)
-    found = ad.frequency_map(machine, space)
-    reach = found.reach_map()
-    lowest = lowest_by_search(found, reach, 5)
+    frequencies = ad.frequency_map(machine, space)
+    reach = frequencies.reach_map()
+    lowest = lowest_by_search(frequencies, reach, 5)
     reached = np.isfinite(lowest)
     above = reach.frequency[reached] / lowest[reached]
     assert reached.sum() > 3000
@@ -246,12 +249,13 @@ def test_no_cell_is_far_above_what_a_search_finds(name: str, kind: str) -> None:
     assert np.nanmax(above) < 1.02
 
 
-def blank_but_reached(found: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> list[float]:
+def blank_but_reached(frequencies: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> list[float]:
     """Brute force: blank cells into which poses are bred that come ever nearer to them.
 
     How far from its border each of these cells is reached, in shares of a cell.
     """
-    machine, rng, margin = found.machine, np.random.default_rng(seed), found.workspace.end_margin
+    machine, margin = frequencies.machine, frequencies.workspace.end_margin
+    rng = np.random.default_rng(seed)
     known, axes = np.isfinite(reach.frequency), (reach.reach, reach.height)
     blank = np.argwhere(binary_dilation(known, np.ones((3, 3))) & ~known)
     middles = np.stack([axis[i] for axis, i in zip(axes, blank.T, strict=True)], axis=1)
@@ -295,8 +299,8 @@ def blank_but_reached(found: ad.FrequencyMap, reach: ad.ReachMap, seed: int) -> 
 )
 def test_no_cell_that_can_be_reached_is_blank(name: str) -> None:
     """But for slivers: of each machine one to four cells were blank, reached up to 0.6 % deep."""
-    found = ad.frequency_map(machines.named(name))
-    assert max(blank_but_reached(found, found.reach_map(), 1), default=0.0) < 2e-4
+    frequencies = ad.frequency_map(machines.named(name))
+    assert max(blank_but_reached(frequencies, frequencies.reach_map(), 1), default=0.0) < 2e-4
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
@@ -326,11 +330,11 @@ def test_quasi_random_poses_make_the_picture_of_the_grid() -> None:
     """
     machine = machines.named("excavator_20t")
     grid = ad.frequency_map(machine).reach_map()
-    found = ad.frequency_map(machine, ad.Workspace.sobol(machine, 3000)).reach_map()
-    assert np.isfinite(found.frequency).sum() == pytest.approx(
+    picture = ad.frequency_map(machine, ad.Workspace.sobol(machine, 3000)).reach_map()
+    assert np.isfinite(picture.frequency).sum() == pytest.approx(
         np.isfinite(grid.frequency).sum(), rel=0.01
     )
-    assert np.nanmin(found.frequency) == pytest.approx(np.nanmin(grid.frequency), rel=2e-3)
+    assert np.nanmin(picture.frequency) == pytest.approx(np.nanmin(grid.frequency), rel=2e-3)
     some = ad.frequency_map(machine, ad.Workspace.sobol(machine, 3000).subset(np.arange(500)))
     reached = np.isfinite(some.reach_map().frequency).sum()
     assert reached < 500  # poses that are named one by one stand for nothing but themselves

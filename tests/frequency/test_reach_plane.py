@@ -34,8 +34,8 @@ def test_poses_of_the_reach_plane_bring_the_tool_to_the_cells(name: str) -> None
     ways = np.unique(cell, axis=0, return_counts=True)[1]
     if len(machine.joints) > 2:
         assert np.median(ways) >= 3
-    found = ad.frequency_map(machine, space).reach_map()
-    assert np.isfinite(found.frequency).sum() == len(ways)
+    picture = ad.frequency_map(machine, space).reach_map()
+    assert np.isfinite(picture.frequency).sum() == len(ways)
 
 
 def test_one_joint_reaches_no_plane() -> None:
@@ -55,18 +55,18 @@ def test_the_reach_plane_holds_the_worst_way_to_each_cell() -> None:
     """
     machine = machines.named("excavator_20t")
     space = ad.Workspace.reach_plane(machine, 12, 9)
-    found = ad.frequency_map(machine, space).reach_map()
+    picture = ad.frequency_map(machine, space).reach_map()
     low, high = machine.range_within(space.end_margin).T
     q = np.column_stack([np.zeros((1201, 2)), np.linspace(low[2], high[2], 1201)])
-    still = machine.arm.kinematics(q)
-    foot, elbow = (still.translation[0, j, [0, 2]] for j in (0, 1))
-    tool = machine.arm.point(still, machine.tool.link, np.array(machine.tool.at))[:, [0, 2]]
+    kinematics = machine.arm.kinematics(q)
+    foot, elbow = (kinematics.translation[0, j, [0, 2]] for j in (0, 1))
+    tool = machine.arm.point(kinematics, machine.tool.link, np.array(machine.tool.at))[:, [0, 2]]
     upper, lower = np.linalg.norm(elbow - foot), np.linalg.norm(tool - elbow, axis=1)
     # of the stick against the boom at 0
     bent = np.arctan2(*(tool - elbow).T[::-1]) - np.arctan2(*(elbow - foot)[::-1])
-    cells = np.argwhere(np.isfinite(found.frequency))
+    cells = np.argwhere(np.isfinite(picture.frequency))
     for i, k in cells[:: len(cells) // 12]:
-        to = np.array([found.reach[i], found.height[k]]) - foot
+        to = np.array([picture.reach[i], picture.height[k]]) - foot
         cosine = (to @ to - upper**2 - lower**2) / (2 * upper * lower)
         poses = []
         for side in (1, -1):
@@ -85,4 +85,4 @@ def test_the_reach_plane_holds_the_worst_way_to_each_cell() -> None:
             case = machine.with_payload(payload.name)
             held = poses[case.holds(poses)]
             lowest = min(lowest, lowest_frequency(case.at(held)).min()) if len(held) else lowest
-        assert found.frequency[i, k] == pytest.approx(lowest, rel=0.02)
+        assert picture.frequency[i, k] == pytest.approx(lowest, rel=0.02)

@@ -51,11 +51,11 @@ def test_a_cylinder_across_a_slewing_joint_makes_its_angle_count(axis: float, mo
     j = machine.joints.index("bracket")
     space = ad.Workspace.grid(machine, None if not motor else [2, 15, 15])
     assert_allclose(space.ranges[j], machine.range_within(space.end_margin)[j], atol=1e-12)
-    found = ad.frequency_map(machine, space)
+    frequencies = ad.frequency_map(machine, space)
     low, high = machine.range_within(space.end_margin).T
     q = low + np.random.default_rng(3).random((4000, len(low))) * (high - low)
     random = ad.natural_modes(machine.at(q)).frequencies[:, 0].min()
-    assert found.worst.frequency <= random <= 1.02 * found.worst.frequency
+    assert frequencies.worst.frequency <= random <= 1.02 * frequencies.worst.frequency
     assert plots.drawn_joints(machine) == [j, j + 1]
 
 

@@ -32,13 +32,13 @@ def test_worst_pose_is_below_the_grid_and_inside(name: str) -> None:
     """Refinement only lowers the minimum, never leaves the workspace, and its numbers belong to
     its pose.
     """
-    found, machine = mapped(name, 4), machines.named(name)
-    worst = found.worst
-    assert worst.frequency <= found.frame["f1_hz"].min() + 1e-12
+    frequencies, machine = mapped(name, 4), machines.named(name)
+    worst = frequencies.worst
+    assert worst.frequency <= frequencies.frame["f1_hz"].min() + 1e-12
     loaded = machine.with_payload(worst.payload)
-    low, high = found.workspace.ranges.T
+    low, high = frequencies.workspace.ranges.T
     assert np.all((worst.q >= low) & (worst.q <= high))
-    assert loaded.margins(worst.q).min() >= found.workspace.end_margin - 1e-9
+    assert loaded.margins(worst.q).min() >= frequencies.workspace.end_margin - 1e-9
     assert loaded.holds(worst.q).all()
     poses = loaded.at(worst.q)
     assert_allclose(worst.frequency, ad.natural_modes(poses).frequencies[0, 0], rtol=1e-12)
@@ -65,9 +65,9 @@ def test_the_limiting_cylinder_is_the_one_whose_stiffening_helps_most(name: str)
     """Rayleigh: f² rises with k_i in proportion to cylinder i's share of the mode's spring
     energy.
     """
-    found, machine = mapped(name, 4), machines.named(name)
-    assert len(found.limiting) == len(found.frame)
-    worst = found.worst
+    frequencies, machine = mapped(name, 4), machines.named(name)
+    assert len(frequencies.limiting) == len(frequencies.frame)
+    worst = frequencies.worst
     poses = machine.with_payload(worst.payload).at(worst.q)
     gains = []
     for i in range(len(machine.cylinders)):

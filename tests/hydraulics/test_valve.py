@@ -34,8 +34,8 @@ TURBULENT = 1e-3  # relative; the laminar term is worth (Δp_lam/2Δp)² = 6e-4 
     ],
 )
 def test_orifice_by_hand(share: float, drop: float, flow: float) -> None:
-    found = orifice_flow(VALVE.gain * share, drop * bar) / l_per_min
-    assert found == pytest.approx(flow, rel=TURBULENT)
+    volume_flow = orifice_flow(VALVE.gain * share, drop * bar) / l_per_min
+    assert volume_flow == pytest.approx(flow, rel=TURBULENT)
 
 
 def test_orifice_is_laminar_near_zero_drop() -> None:

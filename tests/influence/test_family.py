@@ -62,7 +62,7 @@ def test_factors_on_the_mass_of_links_are_those_of_the_urdf() -> None:
     assert urdf is not None
     heavier = re.sub(
         r'(mass value|i[xyz]{2})="([^"]+)"',
-        lambda found: f'{found[1]}="{1.05 * float(found[2])!r}"',
+        lambda match: f'{match[1]}="{1.05 * float(match[2])!r}"',
         urdf[0],
     )
     text = machine.urdf_text.replace(urdf[0], heavier)

@@ -123,13 +123,13 @@ def test_where_modes_coincide_up_and_down_differ() -> None:
     """K = diag(2, 2, 5), M = 1: along diag(1, −3, 9) the lowest falls either way."""
     mass, stiffness = np.eye(3), np.diag([2.0, 2.0, 5.0])
     along = np.array([np.diag([1.0, -3.0, 9.0]), [[0, 1, 0], [1, 0, 0], [0, 0, 0]]])
-    found = eigenvalue_slopes(mass, stiffness, np.zeros((2, 3, 3)), along)
-    np.testing.assert_allclose(found, [[-3.0, 1.0], [-1.0, 1.0]], atol=1e-12)
+    both_slopes = eigenvalue_slopes(mass, stiffness, np.zeros((2, 3, 3)), along)
+    np.testing.assert_allclose(both_slopes, [[-3.0, 1.0], [-1.0, 1.0]], atol=1e-12)
 
     def lowest(step: float, direction: Array) -> float:
         return float(np.linalg.eigvalsh(stiffness + step * direction)[0])
 
-    for slope, direction in zip(found, along, strict=True):
+    for slope, direction in zip(both_slopes, along, strict=True):
         for step, one_sided in ((1e-6, slope[0]), (-1e-6, slope[1])):
             change = lowest(step, direction) - 2.0
             assert change == pytest.approx(one_sided * step, abs=1e-11)
@@ -138,5 +138,5 @@ def test_where_modes_coincide_up_and_down_differ() -> None:
 def test_a_mass_that_grows_lowers_the_eigenvalue() -> None:
     """K = 2, M = 1 + p: λ = 2/(1 + p)."""
     one = np.ones((1, 1))
-    found = eigenvalue_slopes(one, 2 * one, one[None], 0 * one[None])
-    np.testing.assert_allclose(found, [[-2.0, -2.0]])
+    both_slopes = eigenvalue_slopes(one, 2 * one, one[None], 0 * one[None])
+    np.testing.assert_allclose(both_slopes, [[-2.0, -2.0]])

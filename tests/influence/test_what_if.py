@@ -36,8 +36,8 @@ def test_exact_is_the_map_of_the_changed_file(answer: ad.WhatIf) -> None:
         mapped = ad.frequency_map(one, ad.Workspace.grid(one, points=POINTS))
         assert row(answer, "worst")[kind] == mapped.worst.frequency
         largest = mapped.static_pressures.max(axis=0)
-        found = [row(answer, f"{a.name}.static_pressure")[kind] for a in one.actuators]
-        assert found == pytest.approx(largest)
+        pressures = [row(answer, f"{a.name}.static_pressure")[kind] for a in one.actuators]
+        assert pressures == pytest.approx(largest)
     chart = ad.lift_chart(other, ad.lift_chart(machine))
     lift = answer.frame[answer.frame["quantity"].str.startswith("lift at")]
     assert lift["after"].to_list() == pytest.approx(chart.capacity)

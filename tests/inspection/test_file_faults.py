@@ -88,7 +88,7 @@ def test_problems_of_the_urdf(tmp_path: Path) -> None:
         assert any(part in word for word in words), (part, words)
 
 
-def told(folder: Path, urdf: str, *pairs: tuple[str, str]) -> list[str]:
+def fault_lines(folder: Path, urdf: str, *pairs: tuple[str, str]) -> list[str]:
     name = written(folder, *pairs)
     (folder / "excavator_20t.urdf").write_text(urdf, encoding="utf-8")
     return [str(fault) for fault in faults(name)]
@@ -136,7 +136,7 @@ def test_faults_of_everything_at_once(tmp_path: Path) -> None:
     for old, new in FAULTS_OF_THE_URDF:
         urdf, count = re.subn(old, new, urdf, count=1, flags=re.DOTALL)
         assert count == 1, old
-    lines = told(
+    lines = fault_lines(
         tmp_path,
         urdf,
         ("bore_mm = 120", "bore_mm = -1"),
@@ -154,7 +154,7 @@ def test_two_roots_and_a_ring(tmp_path: Path) -> None:
     """
     ring = EXCAVATOR.urdf_text.replace('<parent link="boom"/>', '<parent link="bucket"/>')
     assert ring != EXCAVATOR.urdf_text
-    lines = told(tmp_path, ring.replace("</robot>", '<link name="lost"/></robot>'))
+    lines = fault_lines(tmp_path, ring.replace("</robot>", '<link name="lost"/></robot>'))
     assert [line.partition(": ")[2].partition(";")[0] for line in lines] == [
         "2 root links (ground, lost)",
         "links stick, bucket are not connected to the root",
@@ -181,7 +181,7 @@ def test_ranges_are_looked_at_beside_faults_elsewhere(tmp_path: Path) -> None:
     """A wrong key of the boom cylinder, no pins on the bucket's: the stick's stroke is wrong all
     the same.
     """
-    lines = told(
+    lines = fault_lines(
         tmp_path,
         EXCAVATOR.urdf_text,
         ("bore_mm = 120", "bore_mm = -1"),
@@ -212,7 +212,7 @@ def test_ranges_are_looked_at_beside_faults_elsewhere(tmp_path: Path) -> None:
 def test_ranges_are_looked_at_beside_any_other_fault(
     old: str, new: str, part: str, tmp_path: Path
 ) -> None:
-    lines = told(
+    lines = fault_lines(
         tmp_path,
         EXCAVATOR.urdf_text,
         (old, new),
@@ -224,7 +224,7 @@ def test_ranges_are_looked_at_beside_any_other_fault(
 def test_ranges_are_looked_at_beside_wrong_masses(tmp_path: Path) -> None:
     """Where the pins are does not depend on what the links weigh."""
     urdf = EXCAVATOR.urdf_text.replace('mass value="1010"', 'mass value="-1010"')
-    lines = told(tmp_path, urdf, ("closed_length_mm = 1800", "closed_length_mm = 9"))
+    lines = fault_lines(tmp_path, urdf, ("closed_length_mm = 1800", "closed_length_mm = 9"))
     assert "link stick: mass -1010 kg" in lines[0]
     assert "cylinder.stick.stroke_mm" in lines[1]
     assert len(lines) == 2
@@ -240,7 +240,7 @@ def test_both_cylinders_of_a_joint(tmp_path: Path) -> None:
     assert section
     wrong = section[0].replace("closed_length_mm = 1825", "closed_length_mm = 9")
     second = wrong.replace("cylinder.boom", "cylinder.help")
-    lines = told(tmp_path, EXCAVATOR.urdf_text, (section[0], f"{wrong}\n\n{second}"))
+    lines = fault_lines(tmp_path, EXCAVATOR.urdf_text, (section[0], f"{wrong}\n\n{second}"))
     assert [line.split(": ")[1] for line in lines] == [
         "cylinder.boom.stroke_mm",
         "cylinder.help.stroke_mm",
@@ -251,9 +251,9 @@ def test_macros_must_be_expanded(tmp_path: Path) -> None:
     """An unexpanded xacro file is no URDF; one expanded from it may still name the namespace."""
     space = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
     declared = EXCAVATOR.urdf_text.replace("<robot ", f"<robot {space} ")
-    assert told(tmp_path, declared) == []
+    assert fault_lines(tmp_path, declared) == []
     with_macro = declared.replace("</robot>", '<xacro:include filename="a"/></robot>')
-    (line,) = told(tmp_path, with_macro)
+    (line,) = fault_lines(tmp_path, with_macro)
     assert "holds a macro (<xacro:include>); expand it: xacro FILE" in line
 
 
@@ -296,21 +296,21 @@ def test_whatever_is_refused_has_a_problem_and_the_other_way_round(
         file.write_text(texts[kind], encoding="utf-8")
     for seed in range(100):
         files[what].write_text(damaged(texts[what], random.Random(seed)), encoding="utf-8")
-        found = faults(files["toml"])
+        all_faults = faults(files["toml"])
         assert all(
-            "\n" not in str(problem) and "stand_in" not in str(problem) for problem in found
-        ), found
-        assert len({str(problem) for problem in found}) == len(found), found
+            "\n" not in str(problem) and "stand_in" not in str(problem) for problem in all_faults
+        ), all_faults
+        assert len({str(problem) for problem in all_faults}) == len(all_faults), all_faults
         refused = None
         try:
             machine = ad.load(files["toml"])
         except ad.ArmDesignError as error:
             refused = (error.part, error.fault)
         if refused:
-            assert refused in [(problem.part, problem.fault) for problem in found], seed
+            assert refused in [(problem.part, problem.fault) for problem in all_faults], seed
             continue
-        assert not found or "workspace" in str(found[0]), (seed, found)
-        if not found and seed % 4 == 0:
+        assert not all_faults or "workspace" in str(all_faults[0]), (seed, all_faults)
+        if not all_faults and seed % 4 == 0:
             check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)))
 
 
@@ -318,8 +318,8 @@ def test_a_supply_that_cannot_pull() -> None:
     """Return pressure on the bore side outweighs supply pressure on the rod side: nothing holds a
     pull.
     """
-    found = odd({"supply.pressure_bar": 300, "supply.return_pressure_bar": 299})
-    assert "more than the supply's 300 bar can hold" in found["cylinder.stick"]
+    oddities = odd({"supply.pressure_bar": 300, "supply.return_pressure_bar": 299})
+    assert "more than the supply's 300 bar can hold" in oddities["cylinder.stick"]
 
 
 # ----------------------------------------------------------------------------------------- springs

@@ -28,9 +28,9 @@ def test_the_stick_cylinder_of_the_20_t_machine_is_too_short_for_its_parts() -> 
     oddity of the file.
     """
     assert DEAD_LENGTH_PER_BORE * 140 > 1800 - 1504
-    found = odd({})
-    assert set(found) == {"cylinder.stick.closed_length_mm"}
-    assert "296.0 mm" in found["cylinder.stick.closed_length_mm"]
+    oddities = odd({})
+    assert set(oddities) == {"cylinder.stick.closed_length_mm"}
+    assert "296.0 mm" in oddities["cylinder.stick.closed_length_mm"]
 
 
 @pytest.mark.parametrize("name", ["mini_excavator_2t", "excavator_12t", "patu_boom"])
@@ -105,10 +105,10 @@ def test_unstable_poses() -> None:
 
     Poses added on pitch limits do not count in the share.
     """
-    found = inspected({"fluid.bulk_modulus_MPa": 5, "payload.full.mass_kg": 8000})
-    words = {finding.part: finding.words for finding in found.findings()}["payload.full"]
-    case, q, on_grid = found.machine.with_payload("full"), found.workspace.q, []
-    for axis, values in zip(found.workspace.axes, q.T, strict=True):
+    inspection = inspected({"fluid.bulk_modulus_MPa": 5, "payload.full.mass_kg": 8000})
+    words = {finding.part: finding.words for finding in inspection.findings()}["payload.full"]
+    case, q, on_grid = inspection.machine.with_payload("full"), inspection.workspace.q, []
+    for axis, values in zip(inspection.workspace.axes, q.T, strict=True):
         off = np.abs(values[:, None] - axis).min(axis=1) > 1e-9
         on_grid.append(
             np.where(off, 0, np.where((values == axis[0]) | (values == axis[-1]), 0.5, 1))
@@ -151,8 +151,8 @@ def test_a_link_without_mass() -> None:
         flags=re.DOTALL,
     )
     machine = Machine.from_text(EXCAVATOR.text, urdf, Path("x.toml"))
-    found = {f.part for f in inspect(machine, ad.Workspace.grid(machine, 4)).findings()}
-    assert "link stick" in found
+    parts = {f.part for f in inspect(machine, ad.Workspace.grid(machine, 4)).findings()}
+    assert "link stick" in parts
 
 
 # ------------------------------------------------------------------------------------------- facts

@@ -126,9 +126,9 @@ def test_another_unit_is_named_first(path: str, unit: str) -> None:
     for key in path.split("."):
         node = node[key]
     size = (OF_MPA if path.endswith("MPa") else IN)[unit]
-    made, message = with_value(EXCAVATOR, path, rounded(node, size))
-    if made is not None:
-        first = findings(made)[0]
+    changed, message = with_value(EXCAVATOR, path, rounded(node, size))
+    if changed is not None:
+        first = findings(changed)[0]
         message = f"{first.part}: {first.words}"
     assert message.removeprefix("x.toml: ").startswith(path), message
     assert re.search(rf"looks? like (\w+ or )?{unit}", message), message
@@ -175,24 +175,24 @@ def test_a_urdf_in_millimetres(name: str) -> None:
     machine = machines.named(name)
     urdf = scaled_urdf(machine.urdf_text, 1000)
     try:
-        made = Machine.from_text(machine.text, urdf, Path("x.toml"))
+        changed = Machine.from_text(machine.text, urdf, Path("x.toml"))
     except ad.ArmDesignError as error:
         message = str(error)
     else:
         if name == "paper_1dof":  # its URDF has no lengths: there is nothing wrong with it
             return
-        message = f"{findings(made)[0].part}: {findings(made)[0].words}"
+        message = f"{findings(changed)[0].part}: {findings(changed)[0].words}"
     assert message.startswith(
         f"{machine.section.urdf}: its lengths look like millimetres beside the cylinders' lengths"
     )
 
 
 def changed_joint(urdf: str, joint: str, pattern: str, new: Any) -> str:
-    made, count = re.subn(
+    text, count = re.subn(
         rf'(<joint name="{joint}".*?){pattern}', new, urdf, count=1, flags=re.DOTALL
     )
     assert count == 1
-    return made
+    return text
 
 
 DRIVEN = [
@@ -258,10 +258,10 @@ def test_limits_of_a_slide_in_millimetres() -> None:
     """
     urdf = changed_joint(CRANE.urdf_text, "extension", 'upper="[^"]*"', r'\g<1>upper="1550"')
     line = urdf[: urdf.index('upper="1550"')].count("\n") + 1
-    (found,) = suspected(Machine.from_text(CRANE.text, urdf, Path("x.toml")))
-    assert found.part == "joint extension"
-    assert "limits [0, 1550] m look like millimetres" in found.words
-    assert f'upper="1.55" (line {line})' in found.words
+    (suspicion,) = suspected(Machine.from_text(CRANE.text, urdf, Path("x.toml")))
+    assert suspicion.part == "joint extension"
+    assert "limits [0, 1550] m look like millimetres" in suspicion.words
+    assert f'upper="1.55" (line {line})' in suspicion.words
 
 
 def test_other_angles_of_the_urdf() -> None:

@@ -196,7 +196,7 @@ def digging(name: str) -> dict[str, tuple[float, float]]:
     """
     machine = machines.named(name)
     q = machine.ranges.mean(axis=1)
-    found = {}
+    forces = {}
     for cylinder, joint in (("bucket", 2), ("stick", 1)):
         i = [c.name for c in machine.cylinders].index(cylinder)
         poses = machine.at(sweep(machine, joint, 8001))
@@ -206,8 +206,8 @@ def digging(name: str) -> dict[str, tuple[float, float]]:
         pivot = machine.arm.point(machine.arm.kinematics(q[None]), cylinder, np.zeros(3))
         distance = float(np.linalg.norm(machine.at(q).tool - pivot))
         force = machine.supply.pressure * machine.cylinders[i].bore_area * arms.max() / distance
-        found[cylinder] = (force / 1e3, math.degrees(q[joint]))
-    return found
+        forces[cylinder] = (force / 1e3, math.degrees(q[joint]))
+    return forces
 
 
 # --------------------------------------------------------------------------------------- SOURCE.md

@@ -18,13 +18,15 @@ DATA = tomllib.loads(EXCAVATOR.text)
 URDF = EXCAVATOR.urdf_text
 
 
-def made(urdf: Any = URDF, cylinders: Any = DATA["cylinder"], **others: Any) -> ad.Machine:
+def machine_from_urdf(
+    urdf: Any = URDF, cylinders: Any = DATA["cylinder"], **others: Any
+) -> ad.Machine:
     return ad.Machine.from_urdf(urdf, cylinders, **others)
 
 
 def test_the_shipped_machine_from_its_parts() -> None:
     """URDF text and tables of the file give the same machine: same joints found, same modes."""
-    machine = made(
+    machine = machine_from_urdf(
         payloads=DATA["payload"], tool=DATA["tool"], fluid=DATA["fluid"], supply=DATA["supply"]
     )
     assert machine.joints == EXCAVATOR.joints
@@ -38,23 +40,25 @@ def test_the_shipped_machine_from_its_parts() -> None:
 
 
 def test_a_motor_makes_its_joint_a_coordinate() -> None:
-    machine = made(motors=DATA["motor"])
+    machine = machine_from_urdf(motors=DATA["motor"])
     assert machine.joints == ("swing", *EXCAVATOR.joints)
     assert machine.motors == EXCAVATOR.replace({"joints": list(machine.joints)}).motors
 
 
 def test_defaults() -> None:
-    machine = made()
+    machine = machine_from_urdf()
     assert machine.name == "excavator_20t"  # the robot's name
     assert machine.tool.link == "bucket"
     assert [(p.name, p.mass) for p in machine.payloads] == [("empty", 0.0)]
     assert machine.fluid.bulk_modulus == pytest.approx(1.2e9)
     assert machine.supply.pressure == pytest.approx(250e5)
-    assert made(supply={"pressure_bar": 300}).supply.return_pressure == pytest.approx(5e5)
+    assert machine_from_urdf(supply={"pressure_bar": 300}).supply.return_pressure == pytest.approx(
+        5e5
+    )
 
 
 def test_replace_and_save(tmp_path: Path) -> None:
-    machine = made().replace(
+    machine = machine_from_urdf().replace(
         {"cylinder.boom.bore_mm": 130, "cylinder.stick.base.at_mm": [3400, 0, 1147.5]}
     )
     again = ad.load(machine.save(tmp_path / "mine.toml"))
@@ -70,20 +74,22 @@ def test_replace_and_save(tmp_path: Path) -> None:
 def test_from_a_path(tmp_path: Path) -> None:
     (tmp_path / "my robot.urdf").write_text(URDF, encoding="utf-8")
     for path in (tmp_path / "my robot.urdf", str(tmp_path / "my robot.urdf")):
-        machine = made(path)
+        machine = machine_from_urdf(path)
         assert machine.name == "my_robot"
         assert machine.source == tmp_path / "my robot.toml"
     assert list(tmp_path.iterdir()) == [tmp_path / "my robot.urdf"]
 
 
 def test_joints_no_cylinder_spans_are_frozen() -> None:
-    machine = made(cylinders={"stick": DATA["cylinder"]["stick"]})
+    machine = machine_from_urdf(cylinders={"stick": DATA["cylinder"]["stick"]})
     assert machine.joints == ("stick",)
     with pytest.raises(
         ad.ArmDesignError, match=r"joint bucket: is frozen at 0\.9, outside its limits"
     ):
-        made(cylinders={"stick": DATA["cylinder"]["stick"]}, frozen={"bucket": 0.9})
-    frozen = made(cylinders={"stick": DATA["cylinder"]["stick"]}, frozen={"bucket": -1.0})
+        machine_from_urdf(cylinders={"stick": DATA["cylinder"]["stick"]}, frozen={"bucket": 0.9})
+    frozen = machine_from_urdf(
+        cylinders={"stick": DATA["cylinder"]["stick"]}, frozen={"bucket": -1.0}
+    )
     q = machine.ranges.mean(axis=1)
     assert frozen.at(q).mass_matrix[0, 0, 0] != pytest.approx(machine.at(q).mass_matrix[0, 0, 0])
 
@@ -92,15 +98,15 @@ def test_continuous_joints_work() -> None:
     """Without limits the stroke alone ends the range, at the same place."""
     urdf = re.sub(r'(<joint name="boom" type=)"revolute"', r'\1"continuous"', URDF)
     assert urdf != URDF
-    assert made(urdf).ranges == pytest.approx(EXCAVATOR.ranges, abs=1e-4)
+    assert machine_from_urdf(urdf).ranges == pytest.approx(EXCAVATOR.ranges, abs=1e-4)
 
 
 def test_numpy_numbers() -> None:
     boom = {**DATA["cylinder"]["boom"], "bore_mm": np.float64(120)}
     boom["base"] = {"link": "chassis", "at_mm": np.array([461.5, 0.0, -602.5])}
-    assert made(cylinders={**DATA["cylinder"], "boom": boom}).cylinders[0].bore == pytest.approx(
-        0.12
-    )
+    assert machine_from_urdf(cylinders={**DATA["cylinder"], "boom": boom}).cylinders[
+        0
+    ].bore == pytest.approx(0.12)
 
 
 def with_stick(kind: str) -> str:
@@ -151,7 +157,7 @@ def test_bad_input(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ad.ArmDesignError) as caught:
-        made(**words)
+        machine_from_urdf(**words)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())

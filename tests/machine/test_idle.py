@@ -49,9 +49,9 @@ def test_it_answers_as_if_the_file_had_no_such_cylinder() -> None:
     assert FROZEN.idle == {"bucket": ["bucket"], "swing": ["swing"]}
     q = machines.inner_poses(bare, 5)
     for payload in ("empty", "full"):
-        found, expected = (ad.natural_modes(m.with_payload(payload).at(q)) for m in (FROZEN, bare))
-        assert_allclose(found.frequencies, expected.frequencies, rtol=0)
-        assert_allclose(found.locked_frequencies, expected.locked_frequencies, rtol=0)
+        modes, expected = (ad.natural_modes(m.with_payload(payload).at(q)) for m in (FROZEN, bare))
+        assert_allclose(modes.frequencies, expected.frequencies, rtol=0)
+        assert_allclose(modes.locked_frequencies, expected.locked_frequencies, rtol=0)
     assert_allclose(FROZEN.ranges, bare.ranges, rtol=0)
     assert ad.Requirements.of(FROZEN) == ad.Requirements.of(bare)
     assert ad.Requirements.of(FROZEN).digging == ("stick",)
@@ -73,8 +73,8 @@ def test_check_says_so(
     assert faults(path) == []
     assert main(["check", str(path)], monkeypatch) == 0
     assert "idle: joint bucket is frozen" in re.sub(r"\s+", " ", capfd.readouterr().out)
-    found = {f.part: f.words for f in inspect(FROZEN, ad.Workspace.grid(FROZEN, 4)).findings()}
-    assert "cylinder.bucket" in found
+    words = {f.part: f.words for f in inspect(FROZEN, ad.Workspace.grid(FROZEN, 4)).findings()}
+    assert "cylinder.bucket" in words
 
 
 @pytest.mark.slow
@@ -93,9 +93,9 @@ def test_every_command_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         )
         == 0
     )
-    made = ad.load(tmp_path / "new" / "excavator_20t_optimized.toml")
-    assert made.section.cylinder["bucket"] == FROZEN.section.cylinder["bucket"]
-    assert made.section.cylinder["boom"] != FROZEN.section.cylinder["boom"]
+    optimized = ad.load(tmp_path / "new" / "excavator_20t_optimized.toml")
+    assert optimized.section.cylinder["bucket"] == FROZEN.section.cylinder["bucket"]
+    assert optimized.section.cylinder["boom"] != FROZEN.section.cylinder["boom"]
 
 
 def test_what_is_idle_cannot_vary() -> None:
@@ -110,8 +110,13 @@ def test_what_is_idle_cannot_vary() -> None:
 @pytest.mark.slow
 def test_motors_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every cylinder idle: the slewing motor has a map, and nothing to design."""
-    still = {"joints": ["swing"], "frozen.boom": 0.3, "frozen.stick": -1.0, "frozen.bucket": -1.0}
-    slewing = EXCAVATOR.replace(still | {"payload.full.pitch_deg": [-180, 180]})
+    one_joint = {
+        "joints": ["swing"],
+        "frozen.boom": 0.3,
+        "frozen.stick": -1.0,
+        "frozen.bucket": -1.0,
+    }
+    slewing = EXCAVATOR.replace(one_joint | {"payload.full.pitch_deg": [-180, 180]})
     assert slewing.cylinders == ()
     path = slewing.save(tmp_path / "a.toml")
     monkeypatch.chdir(tmp_path)

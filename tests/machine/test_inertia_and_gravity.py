@@ -93,12 +93,12 @@ def test_bars_weigh_and_move_like_many_small_masses() -> None:
             base, end = linkage.ends(poses)
             direction = (end - base) / np.linalg.norm(end - base, axis=1)[:, None]
             along = direction * cylinder.closed_length
-            found = [(base, base + along, cylinder.count * 110)]
-            found += [(end - along, end, cylinder.count * 85)]
+            bars = [(base, base + along, cylinder.count * 110)]
+            bars += [(end - along, end, cylinder.count * 85)]
             if isinstance(linkage, FourBar):
                 pivot, lug = (linkage.point(poses, pin) for pin in (linkage.pivot, linkage.lug))
-                found += [(pivot, end, 95), (end, lug, 130)]
-            for start, stop, mass in found:
+                bars += [(pivot, end, 95), (end, lug, 130)]
+            for start, stop, mass in bars:
                 places = start[:, None] + shares[None, :, None] * (stop - start)[:, None]
                 rows.append(places * np.sqrt(mass / 400))
         return np.concatenate(rows, axis=1)

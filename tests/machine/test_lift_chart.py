@@ -121,7 +121,7 @@ def test_of_several_poses_the_one_that_lifts_most() -> None:
     machine = two_elbows()
     chart = ad.lift_chart(machine)
     low, high = machine.ranges.T
-    choices = 0
+    places = 0
     for reach, height, capacity in zip(chart.reach, chart.height, chart.capacity, strict=True):
         x, z = reach - 0.1, height - 0.5
         turn = math.acos((x**2 + z**2 - 2.5**2 - 1) / (2 * 2.5))
@@ -132,8 +132,8 @@ def test_of_several_poses_the_one_that_lifts_most() -> None:
         torque = torque_per_mass(machine, rigid, chart.poses.point)
         masses = liftable_masses(machine, rigid, torque, SHARE).min(axis=1)
         assert capacity == pytest.approx(max(masses.max(), 0.0), rel=1e-9)
-        choices += len(masses) == 2 and abs(masses[0] - masses[1]) > 10
-    assert choices >= 5
+        places += len(masses) == 2 and abs(masses[0] - masses[1]) > 10
+    assert places >= 5
 
 
 STABLE = """

@@ -104,13 +104,13 @@ box_mm = [2000, 170, 170]
 PLAIN = HEAD + LINKS
 
 
-def made(text: str) -> ad.Machine:
+def machine_of(text: str) -> ad.Machine:
     return ad.Machine.from_text(text, "", Path("arm.toml"))
 
 
 def test_lengths_and_masses_are_enough() -> None:
     """The boom a slender bar, the stick a box: mass matrix by hand with both joints straight."""
-    machine = made(PLAIN)
+    machine = machine_of(PLAIN)
     bar, box = 300 * 3**2 / 3, 150 * (2**2 + 0.17**2) / 12
     at = machine.arm.rigid_poses(np.array([[0.0, 0.0]]))
     second = box + 150 * 1**2
@@ -128,7 +128,7 @@ def test_names_of_links_and_joints_may_cross() -> None:
     crossed = crossed.replace("limits_deg = [-25, 45]", 'joint = "stick"\nlimits_deg = [-25, 45]')
     crossed = crossed.replace("limits_deg = [-130", 'joint = "boom"\nlimits_deg = [-130')
     q = np.deg2rad([[10.0, -80.0], [20.0, -100.0]])
-    one, other = made(PLAIN).at(q), made(crossed).at(q)
+    one, other = machine_of(PLAIN).at(q), machine_of(crossed).at(q)
     assert other.mass_matrix == pytest.approx(one.mass_matrix, rel=1e-12)
     assert other.moment_arms == pytest.approx(one.moment_arms, rel=1e-12)
 
@@ -137,14 +137,16 @@ def test_names_of_links_and_joints_may_cross() -> None:
 
 
 def test_replace_goes_down_to_the_links() -> None:
-    machine = made(PLAIN)
+    machine = machine_of(PLAIN)
     heavier = machine.replace({"links.boom.mass_kg": 330})
     q = np.array([[0.0, -1.5]])
     one, other = (m.arm.rigid_poses(q) for m in (machine, heavier))
     assert other.gravity_torque[0, 0] - one.gravity_torque[0, 0] == pytest.approx(
         30 * 1.5 * GRAVITY
     )
-    assert made(heavier.text).arm.rigid_poses(q).mass_matrix == pytest.approx(other.mass_matrix)
+    assert machine_of(heavier.text).arm.rigid_poses(q).mass_matrix == pytest.approx(
+        other.mass_matrix
+    )
     # the stick hangs at the end of the boom
     longer = machine.replace({"links.boom.length_mm": 3100})
     moved = (
@@ -154,7 +156,7 @@ def test_replace_goes_down_to_the_links() -> None:
 
 
 def test_it_saves_one_file(tmp_path: Path) -> None:
-    machine = made(PLAIN)
+    machine = machine_of(PLAIN)
     machine.save(tmp_path / "saved.toml")
     assert [path.name for path in tmp_path.iterdir()] == ["saved.toml"]
     again = ad.load(tmp_path / "saved.toml")
@@ -164,7 +166,7 @@ def test_it_saves_one_file(tmp_path: Path) -> None:
 
 def test_a_design_of_it_is_one_file(tmp_path: Path) -> None:
     """Provenance: the changed lines say what they were, the links stay."""
-    machine = made(PLAIN)
+    machine = machine_of(PLAIN)
     new = retold(machine.replace({"cylinder.boom.bore_mm": 110}), machine, "wider", ["a trial"])
     new.save(tmp_path / "wider.toml")
     text = (tmp_path / "wider.toml").read_text(encoding="utf-8")
@@ -175,7 +177,7 @@ def test_a_design_of_it_is_one_file(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_sensitivity_knows_the_links() -> None:
     """Derivatives by a length, a mass and an angle of [links] against whole new maps."""
-    machine = made(PLAIN)
+    machine = machine_of(PLAIN)
     workspace = ad.Workspace.grid(machine, 5)
     answer = ad.sensitivity(machine, workspace)
     rows = answer.frame.set_index("key")

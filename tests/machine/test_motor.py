@@ -88,13 +88,13 @@ def test_maps_do_not_depend_on_slewing(slewing: ad.Machine, excavator: ad.Machin
     wherever it points.
     """
     planar = ad.frequency_map(excavator, ad.Workspace.grid(excavator, points=8))
-    found = ad.frequency_map(slewing, ad.Workspace.grid(slewing, points=[2, 8, 8, 8]))
-    assert_allclose(found.worst.frequency, planar.worst.frequency, rtol=1e-6)
-    assert found.worst.cylinder == "boom"
-    assert set(found.limiting) >= {"boom", "swing"}
-    reach, other = found.reach_map(20), planar.reach_map(20)
+    frequencies = ad.frequency_map(slewing, ad.Workspace.grid(slewing, points=[2, 8, 8, 8]))
+    assert_allclose(frequencies.worst.frequency, planar.worst.frequency, rtol=1e-6)
+    assert frequencies.worst.cylinder == "boom"
+    assert set(frequencies.limiting) >= {"boom", "swing"}
+    reach, other = frequencies.reach_map(20), planar.reach_map(20)
     assert_allclose(reach.reach, other.reach, atol=1e-9)
-    columns = set(found.frame.columns)
+    columns = set(frequencies.frame.columns)
     assert {"swing", "swing_torque_n_m", "locked_swing_hz", "rigid_swing_hz"} <= columns
     assert "swing_extension" not in columns
 
@@ -122,9 +122,9 @@ def test_the_shipped_motor_meets_the_data_sheet(slewing: ad.Machine) -> None:
 
 @pytest.mark.slow
 def test_the_nonlinear_simulation_slews_at_the_linear_frequency(slewing: ad.Machine) -> None:
-    found = ad.validate(slewing, [0.3, 0.2, -1.2, -0.5], cylinders=["swing"])
-    assert found.runs[0].cylinder == "swing"
-    assert found.worst_deviation < 1e-3
+    validation = ad.validate(slewing, [0.3, 0.2, -1.2, -0.5], cylinders=["swing"])
+    assert validation.runs[0].cylinder == "swing"
+    assert validation.worst_deviation < 1e-3
 
 
 def test_full_valve_turns_at_the_speed_of_its_flow(slewing: ad.Machine) -> None:
@@ -218,7 +218,7 @@ def test_a_frozen_value_of_a_coordinate_is_not_used(excavator: ad.Machine) -> No
     assert_allclose(
         free.at([0.0, 0.2, -1.2, -0.5]).tool, excavator.at([0.2, -1.2, -0.5]).tool, atol=1e-9
     )
-    found = inspect(free, ad.Workspace.grid(free, points=3)).findings()
-    assert [finding.words for finding in found if finding.part == "frozen.swing"] == [
+    findings = inspect(free, ad.Workspace.grid(free, points=3)).findings()
+    assert [finding.words for finding in findings if finding.part == "frozen.swing"] == [
         "is not used: the joint is a coordinate"
     ]

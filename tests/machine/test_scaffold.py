@@ -24,7 +24,7 @@ from tests.commands import Refused, assert_one_line, main
 SHIPPED = Path(ad.__file__).with_name("machine.schema.json")
 
 
-def made(name: str, **options: Any) -> ad.Machine:
+def scaffolded(name: str, **options: Any) -> ad.Machine:
     return ad.Machine.from_text(template.new(name, **options), "", Path(f"{name}.toml"))
 
 
@@ -53,7 +53,7 @@ def test_it_loads_maps_and_looks_sound(
 @pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
 def test_it_has_a_design(links: int) -> None:
     """Its requirements as they stand: cylinders of the catalogue that it names meet them all."""
-    machine = made("x", links=links)
+    machine = scaffolded("x", links=links)
     assert machine.section.requirements.catalogue == "5mm"
     kept = {"lift_share": 0.9, "torque_share": 0.95, "end_torque_share": 0.8}
     assert {key: getattr(ad.Requirements.of(machine), key) for key in kept} == kept
@@ -68,7 +68,7 @@ def test_it_has_a_design(links: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("links", [1, 2])
 def test_its_pins_can_be_moved_for_more(links: int) -> None:
-    machine = made("x", links=links)
+    machine = scaffolded("x", links=links)
     design = ad.optimize(machine, ad.Workspace.grid(machine, 4), starts=1)
     assert min(design.slacks.values()) >= -1e-9
     assert design.after.worst.frequency > 1.02 * design.before.worst.frequency
@@ -76,7 +76,7 @@ def test_its_pins_can_be_moved_for_more(links: int) -> None:
 
 @pytest.mark.parametrize("links", [1, 4, 6])
 def test_strokes_cover_the_limits(links: int) -> None:
-    machine = made("x", links=links)
+    machine = scaffolded("x", links=links)
     assert machine.ranges == pytest.approx(machine.arm.limits, abs=1e-6)
     assert np.ptp(machine.ranges, axis=1).min() > 1
 
@@ -89,7 +89,7 @@ LIKE = OFFERED[1:]
 @pytest.mark.parametrize("four_bar", [False, True])
 def test_like_a_machine_that_there_is(like: str, four_bar: bool) -> None:
     """Its own numbers, to what is left out by rounding; a four-bar keeps strokes and torques."""
-    today, machine = machines.named(like), made("x", like=like, four_bar=four_bar)
+    today, machine = machines.named(like), scaffolded("x", like=like, four_bar=four_bar)
     assert machine.section.urdf is None
     q = machines.inner_poses(today, 10)
     one, other = today.at(q), machine.at(q)
@@ -105,7 +105,9 @@ def test_like_a_machine_that_there_is(like: str, four_bar: bool) -> None:
 @pytest.mark.parametrize("links", [1, 2, 3, 4, 5, 6])
 def test_a_four_bar_keeps_ranges_and_moment_arms(links: int) -> None:
     """A parallelogram: the knee goes the way of the old rod end."""
-    direct, geared = (made("x", links=links, four_bar=four_bar) for four_bar in (False, True))
+    direct, geared = (
+        scaffolded("x", links=links, four_bar=four_bar) for four_bar in (False, True)
+    )
     assert geared.section.cylinder[geared.joints[-1]].four_bar is not None
     assert geared.ranges == pytest.approx(direct.ranges, abs=1e-5)
     q = machines.inner_poses(direct, 5)

@@ -350,8 +350,8 @@ def test_designs_are_buildable_and_pins_stay_on_the_plates(name: str) -> None:
 def test_todays_machine_meets_its_own_requirements(name: str) -> None:
     machine = machines.named(name)
     limits = ad.Requirements.of(machine)
-    found = check(machine, machine, ad.Workspace.grid(machine, points=3), limits)
-    places = {c.name: c.slack for c in found if c.name.startswith(("outline", "clearance"))}
+    checks = check(machine, machine, ad.Workspace.grid(machine, points=3), limits)
+    places = {c.name: c.slack for c in checks if c.name.startswith(("outline", "clearance"))}
     assert len(places) > len(machine.cylinders)
     assert min(places.values()) >= 0
-    assert min(c.slack for c in found) >= -1e-9
+    assert min(c.slack for c in checks) >= -1e-9

@@ -72,9 +72,9 @@ def test_every_number_of_the_machine_file_has_its_source(name: str) -> None:
     for path, values in leaves(data):
         stated = [
             number
-            for keys, found in rows
+            for keys, given in rows
             if any(fnmatchcase(path, key) or fnmatchcase(path, f"{key}.*") for key in keys)
-            for number in found
+            for number in given
         ]
         lost += [f"{path} = {value:g}" for value in values if value not in stated]
     lost += [  # corners of polygons: a row for all of them
@@ -124,7 +124,7 @@ def test_every_number_of_the_urdf_has_its_source(name: str) -> None:
 def known(name: str) -> dict[str, float]:
     """What the tables of known deviations speak of, as computed [m, kN, kg]."""
     machine, tool = machines.named(name), tool_positions(name)
-    found = {
+    facts = {
         "largest reach at ground level": reach_at_ground(name),
         "largest reach": tool[:, 0].max(),
         "largest height": tool[:, 2].max(),
@@ -135,17 +135,17 @@ def known(name: str) -> dict[str, float]:
     }
     if name in EXCAVATORS:
         forces = digging(name)
-        found["loading height"] = loading_height(name)
-        found |= {f"{cylinder} digging force": forces[cylinder][0] for cylinder in forces}
+        facts["loading height"] = loading_height(name)
+        facts |= {f"{cylinder} digging force": forces[cylinder][0] for cylinder in forces}
     if name == "excavator_20t":
-        found["operating weight"] = FACTS[name].mass
+        facts["operating weight"] = FACTS[name].mass
     arms = FACTS[name].moment_arms
-    found["moment arm of the cylinder"] = found["moment arm of the lift cylinder"] = arms.get(
+    facts["moment arm of the cylinder"] = facts["moment arm of the lift cylinder"] = arms.get(
         "lift", (0.0,)
     )[0]
-    found["moment arm of the tilt cylinder"] = arms.get("tilt", (0.0,))[0]
+    facts["moment arm of the tilt cylinder"] = arms.get("tilt", (0.0,))[0]
     lift = machine.supply.pressure * machine.cylinders[0].bore_area * next(iter(arms.values()))[1]
-    return found | {"lifting torque": lift / 1e3}
+    return facts | {"lifting torque": lift / 1e3}
 
 
 @pytest.mark.parametrize("name", REAL)

@@ -34,11 +34,11 @@ def test_matrices_are_derivatives_of_the_total_energy(seed: int) -> None:
     def slope(x: np.ndarray) -> np.ndarray:
         return difference(lambda y: np.array([energy.potential(row) for row in y]), x)
 
-    curvature = difference(slope, energy.rest[None])[0]
+    curvature = difference(slope, energy.equilibrium[None])[0]
     scale = np.abs(poses.gravity_torque).max()
-    assert_allclose(slope(energy.rest[None])[0], 0, atol=1e-8 * scale)
+    assert_allclose(slope(energy.equilibrium[None])[0], 0, atol=1e-8 * scale)
     assert_same(poses.stiffness_matrix[0], curvature, 1e-7)
-    units = np.eye(len(energy.rest))
+    units = np.eye(len(energy.equilibrium))
     kinetic = [
         [energy.kinetic(a + b) - energy.kinetic(a) - energy.kinetic(b) for a in units]
         for b in units
@@ -95,17 +95,17 @@ def test_a_spring_limits_and_is_named() -> None:
     """On a soft carriage the carriage has most of the energy; on a stiff one the boom has."""
     for stiffness, limiting in ((3e6, "carriage"), (1e9, "boom")):
         machine = rocking(stiffness=stiffness)
-        found = ad.frequency_map(machine, ad.Workspace.grid(machine, points=4))
-        assert found.worst.cylinder == limiting
-        assert found.limiting_shares.idxmax() == limiting
-        assert found.limiting_shares.sum() == pytest.approx(1)
-        assert list(found.limiting_shares.index) == ["boom", "stick", "bucket", "carriage"]
-        assert [c for c in found.frame.columns if c[0] == "f" and c.endswith("_hz")] == [
+        frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points=4))
+        assert frequencies.worst.cylinder == limiting
+        assert frequencies.limiting_shares.idxmax() == limiting
+        assert frequencies.limiting_shares.sum() == pytest.approx(1)
+        assert list(frequencies.limiting_shares.index) == ["boom", "stick", "bucket", "carriage"]
+        assert [c for c in frequencies.frame.columns if c[0] == "f" and c.endswith("_hz")] == [
             f"f{i}_hz" for i in (1, 2, 3, 4)
         ]
-        assert_allclose(found.stiffness_shares.sum(axis=1), 1)
-        squared = (2 * math.pi * found.frame["f1_hz"]) ** 2
-        assert_allclose(found.stiffness["omega_squared"], squared, rtol=1e-9)
+        assert_allclose(frequencies.stiffness_shares.sum(axis=1), 1)
+        squared = (2 * math.pi * frequencies.frame["f1_hz"]) ** 2
+        assert_allclose(frequencies.stiffness["omega_squared"], squared, rtol=1e-9)
 
 
 def test_softer_springs_lower_every_frequency() -> None:

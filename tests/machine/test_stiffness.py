@@ -53,8 +53,8 @@ def trapped_torque(machine: ad.Machine, q0: np.ndarray) -> Callable[[np.ndarray]
             return area[0] * (pressure + rises)[0] - area[1] * (pressure + rises)[1] - force - rise
 
         # the excess is linear in the rise
-        found = force + excess(0.0) / (excess(0.0) - excess(1.0))
-        return np.einsum("ncj,nc->nj", there.moment_arms, found) - there.gravity_torque
+        force_at_rest = force + excess(0.0) / (excess(0.0) - excess(1.0))
+        return np.einsum("ncj,nc->nj", there.moment_arms, force_at_rest) - there.gravity_torque
 
     return torque
 

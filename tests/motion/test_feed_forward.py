@@ -75,10 +75,10 @@ def test_overlap_is_crossed_and_leaks_are_made_up_for() -> None:
     assert spool == pytest.approx(0.1 + 0.9 * today, rel=1e-9)
     change = {"cylinder.boom.valve.leakage_l_per_min_per_bar": 0.1}
     leaking = machine.replace(change).with_payload("full")
-    still = spool_plan(leaking, POSE, 0 * velocity).spools[0, 0]
+    holding = spool_plan(leaking, POSE, 0 * velocity).spools[0, 0]
     state = find_equilibrium(Plant(leaking), POSE[0]).state
-    assert still == pytest.approx(Plant(leaking).split(state)[4][0], rel=0.02)
-    assert still > 0
+    assert holding == pytest.approx(Plant(leaking).split(state)[4][0], rel=0.02)
+    assert holding > 0
 
 
 def test_springs_are_at_rest() -> None:

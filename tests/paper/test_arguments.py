@@ -92,8 +92,8 @@ def test_arrays_are_answered_element_by_element(name: str, argument: str) -> Non
     for shape in (values, np.array(values)[:, None]):
         answer = formula(**{**given, argument: shape})
         terms = answer if name.startswith("transfer") else [answer]
-        found = np.stack([np.broadcast_to(np.ravel(term), 2) for term in terms], axis=1)
-        assert_allclose(found, np.stack(alone), rtol=1e-14)
+        rows = np.stack([np.broadcast_to(np.ravel(term), 2) for term in terms], axis=1)
+        assert_allclose(rows, np.stack(alone), rtol=1e-14)
 
 
 def test_shapes_that_do_not_go_together_are_refused() -> None:
@@ -116,9 +116,9 @@ def test_a_load_on_the_other_side_is_right() -> None:
     assert (
         formulas.static_force(**data) > 0 > formulas.static_force(**{**data, "link_length": 0.9})
     )
-    rest = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
+    equilibrium = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
     scale = np.array([1.0, 1.0, 1e6, 1e-3])
-    slopes = difference(lambda x: model.rate(x * scale), rest / scale)[0] / scale
+    slopes = difference(lambda x: model.rate(x * scale), equilibrium / scale)[0] / scale
     terms = formulas.transfer_function(**data, **SYMMETRIC, **VALVE)
     assert_allclose(np.poly(slopes[:, :3])[1:] * terms.K, [terms.F, terms.Q, -terms.H], rtol=1e-7)
     assert_allclose(

@@ -54,22 +54,24 @@ def test_every_formula_by_hand(one: Mechanism) -> None:
         ),
         "joint_exact": hertz(BOTH * ARM**2 - RIGHT, INERTIA),
     }
-    found = {name: float(values[0]) for name, values in one.frequencies.items()}
-    assert list(found) == list(FORMULAS)
-    assert found == pytest.approx(expected, rel=1e-6)  # the file's closed length has nine digits
+    frequencies = {name: float(values[0]) for name, values in one.frequencies.items()}
+    assert list(frequencies) == list(FORMULAS)
+    assert frequencies == pytest.approx(
+        expected, rel=1e-6
+    )  # the file's closed length has nine digits
 
 
 def test_exact_formula_is_the_general_machine_in_all_forty() -> None:
     """The machine's eigenvalue knows nothing of the paper's formulas: an independent method."""
     machine = ad.load("paper_1dof")
     exact = grid(machine).frequencies["joint_exact"]
-    found = []
+    frequencies = []
     for mass, length in ALL:
         case = machine.replace(
             {"payload.load.mass_kg": mass, "payload.load.at_mm": [1000 * length, 0, 150]}
         )
-        found.append(ad.natural_modes(case.at([0.0])).frequencies[0, 0])
-    assert_allclose(exact, found, rtol=1e-8)
+        frequencies.append(ad.natural_modes(case.at([0.0])).frequencies[0, 0])
+    assert_allclose(exact, frequencies, rtol=1e-8)
 
 
 def test_order_of_the_formulas_over_all_forty() -> None:

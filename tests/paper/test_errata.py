@@ -56,11 +56,11 @@ def test_errata_by_hand(one: Mechanism) -> None:
         "(40)": None,
         "(42) root": 1 / omega**2,
     }
-    found = {item.equation: item.change for item in errata(one)}
-    assert {name: change is None for name, change in found.items()} == {
+    changes = {item.equation: item.change for item in errata(one)}
+    assert {name: change is None for name, change in changes.items()} == {
         name: ratio is None for name, ratio in expected.items()
     }
-    for name, change in found.items():
+    for name, change in changes.items():
         if change is not None:
             # differences of two nearly equal frequencies: the file's nine digits leave them seven
             assert float(change[0]) == pytest.approx(expected[name] - 1, rel=1e-5, abs=1e-9), name

@@ -48,11 +48,11 @@ def test_published_worked_example() -> None:
         "cap_volume": 6 * inch * bore_area,
         "annulus_volume": 6 * inch * (bore_area - rod_area),
     }
-    found = formulas.rigid_load_asymmetric(
+    omega = formulas.rigid_load_asymmetric(
         mass=1000 * pound, bulk_modulus=180e3 * psi, **areas, **volumes
     )
     # four figures: the source's unit constants are not given
-    assert_allclose(found, 77.03, atol=0.005)
+    assert_allclose(omega, 77.03, atol=0.005)
 
 
 def test_eq_11_by_hand() -> None:
@@ -176,9 +176,9 @@ def test_printed_and_exact_differ_by_gravity_alone() -> None:
     printed = formulas.joint_coupled_as_printed(**GRID, **SYMMETRIC)
     exact = formulas.joint_coupled(**GRID, **SYMMETRIC)
     gravity = 0.15 * (1 + LENGTHS * 0.5 / (0.15**2 + 0.5**2))
-    for found, lever in ((printed, LENGTHS), (exact, gravity)):
+    for omega, lever in ((printed, LENGTHS), (exact, gravity)):
         assert_allclose(
-            (2 * math.pi) ** 2 * (without**2 - found**2), weight * lever / J, rtol=1e-9
+            (2 * math.pi) ** 2 * (without**2 - omega**2), weight * lever / J, rtol=1e-9
         )
 
 
@@ -188,10 +188,10 @@ def test_transfer_function_is_the_linearised_nonlinear_model() -> None:
     (22) and (34) at rest.
     """
     model = Nonlinear(250, 0.9)
-    rest = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
+    equilibrium = np.array([[math.pi / 2, 0, model.static_pressure, 0]])
     # one step suits all when the pressure is counted in MPa
     scale = np.array([1.0, 1.0, 1e6, 1e-3])
-    slopes = difference(lambda x: model.rate(x * scale), rest / scale)[0] / scale
+    slopes = difference(lambda x: model.rate(x * scale), equilibrium / scale)[0] / scale
     A, B = slopes[:, :3], slopes[:, 3]
     terms = formulas.transfer_function(
         load_mass=250, link_length=0.9, **PINS, **SYMMETRIC, **VALVE
@@ -252,7 +252,7 @@ def grid_modes(machine: ad.Machine) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     """Coupled, locked and rigid frequency (8, 5) of the shipped machine at q = 0, the paper's θ =
     π/2.
     """
-    found = np.empty((3, len(MASSES), len(LENGTHS)))
+    omega = np.empty((3, len(MASSES), len(LENGTHS)))
     for i, mass in enumerate(MASSES):
         for j, length in enumerate(LENGTHS):
             changes = {
@@ -263,8 +263,8 @@ def grid_modes(machine: ad.Machine) -> tuple[np.ndarray, np.ndarray, np.ndarray]
             for row, values in enumerate(
                 (modes.frequencies, modes.locked_frequencies, modes.rigid_frequencies)
             ):
-                found[row, i, j] = values[0, 0]
-    return found[0], found[1], found[2]
+                omega[row, i, j] = values[0, 0]
+    return omega[0], omega[1], omega[2]
 
 
 def test_the_papers_40_configurations_through_the_general_machine() -> None:

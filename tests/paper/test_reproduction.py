@@ -68,10 +68,10 @@ def test_a_smaller_sweep_brings_the_line_back(corners: paper.Reproduction) -> No
     exact frequency.
     """
     gentle = replace(paper.SWEEP, amplitude=paper.SWEEP.amplitude / 10)
-    found = paper.reproduce(masses=(400.0,), lengths=(1.5,), sweep=gentle)
-    exact = found.computed["joint_exact"][0]
-    assert abs(found.swept[0] - exact) < 0.5 * abs(corners.swept[3] - exact)
-    assert found.identified[0] == corners.identified[3], (
+    reproduction = paper.reproduce(masses=(400.0,), lengths=(1.5,), sweep=gentle)
+    exact = reproduction.computed["joint_exact"][0]
+    assert abs(reproduction.swept[0] - exact) < 0.5 * abs(corners.swept[3] - exact)
+    assert reproduction.identified[0] == corners.identified[3], (
         "the small sweep is another run, and the same one"
     )
 
@@ -99,8 +99,8 @@ def test_command_in_two_processes(
     """
     from armdesign.cli import app
 
-    made = paper.reproduce
-    monkeypatch.setattr(paper, "reproduce", lambda: made(**CORNERS))
+    reproduce = paper.reproduce
+    monkeypatch.setattr(paper, "reproduce", lambda: reproduce(**CORNERS))
     app(["paper", "--out", str(tmp_path / "out")], standalone_mode=False)
     names = {path.name for path in (tmp_path / "out").iterdir()}
     tables = {

@@ -17,14 +17,14 @@ from armdesign.simulation.identification.sweep_bias import sweep_bias
 
 @pytest.mark.slow
 def test_sheets_say_what_was_found(corners: Reproduction, scanned: pd.DataFrame) -> None:
-    choices, frequencies, bias, errors, errata, *scans = paper_sheets(
+    conventions, frequencies, bias, errors, errata, *scans = paper_sheets(
         corners, errata_of(corners.mechanism), scanned, sweep_bias(periods=(10, 300))
     )
     assert (
         "cylinder",
         "asymmetric",
         "63.0/36.0 mm, stroke 200.0 mm, dead 0.10 l and 0.10 l",
-    ) in choices.rows
+    ) in conventions.rows
     assert [row[0] for row in frequencies.rows] == ["50 kg", "400 kg"]
     assert frequencies.rows[0][1].startswith("41.73")
     assert "23.49" in errors.note

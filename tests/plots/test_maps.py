@@ -13,10 +13,10 @@ from tests.frequency.cached import mapped
 
 @pytest.mark.parametrize("name", ["excavator_20t", "crossing", "branched"])
 def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
-    found = mapped(name)
-    x, y, values = plots.joint_plane(found)
+    frequencies = mapped(name)
+    x, y, values = plots.joint_plane(frequencies)
     assert values.shape == (len(x), len(y))
-    assert np.nanmin(values) == found.frame["f1_hz"].min()
+    assert np.nanmin(values) == frequencies.frame["f1_hz"].min()
 
 
 @pytest.mark.parametrize("plane", ["joints", "reach"])
@@ -47,7 +47,7 @@ def test_maps_side_by_side_have_one_scale(plane: str, tmp_path: Path) -> None:
     pair = {"one": mapped("excavator_20t", 3), "other": mapped("crossing", 3)}
     fig = plots.side_by_side(pair, plane)
     scales = {mesh.get_clim() for ax in fig.axes for mesh in ax.collections[:1]}
-    least = min(found.frame["f1_hz"].min() for found in pair.values())
+    least = min(frequencies.frame["f1_hz"].min() for frequencies in pair.values())
     meshes = [scale for scale in scales if scale[0] == pytest.approx(least, rel=1e-12)]
     assert len(meshes) == 1
     fig.canvas.draw()

@@ -183,7 +183,7 @@ def test_nothing_is_wider_than_the_screen(width: int, browser: Any, written: Pat
         """[...document.querySelectorAll('.scroll')].map((one) =>
           [one.scrollWidth > one.clientWidth + 1, one.classList.contains('wide')])"""
     )
-    assert all(scrolls == told for scrolls, told in tables)
+    assert all(scrolls == scrollable for scrolls, scrollable in tables)
     assert any(scrolls for scrolls, _ in tables) or width > 390
     maps_width = tab.evaluate("document.querySelector('.map').getBoundingClientRect().width")
     assert maps_width > 0.8 * min(width, 500)

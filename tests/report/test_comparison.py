@@ -22,13 +22,13 @@ def test_two_versions_in_one_workspace() -> None:
     """Areas alone change: the poses stay, so the second map is that of the new machine on today's
     poses.
     """
-    found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)
-    assert found.same_workspace
-    assert list(found.differences.items()) == [("cylinder.boom.bore_mm", (120, 126))]
-    one, other = found.maps.values()
+    comparison = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)
+    assert comparison.same_workspace
+    assert list(comparison.differences.items()) == [("cylinder.boom.bore_mm", (120, 126))]
+    one, other = comparison.maps.values()
     assert one.workspace is other.workspace
-    frame = found.frame.set_index("quantity")
-    columns = list(found.maps)
+    frame = comparison.frame.set_index("quantity")
+    columns = list(comparison.maps)
     assert list(frame.columns) == ["unit", *columns, "change"]
     values = frame.loc["full.worst", columns]
     assert list(values) == pytest.approx([m.worst_of["full"].frequency for m in (one, other)])
@@ -43,65 +43,67 @@ def test_values_of_the_files_stay_in_the_files_units() -> None:
     """A key names its unit (bore_mm), so either habit prints the number that stands in the file,
     and says so.
     """
-    found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 3)
+    comparison = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 3)
     for units in (WORKSHOP, SI):
         sheet = next(
-            sheet for sheet in found.sheets(units) if sheet.title == "Differences of the files"
+            sheet
+            for sheet in comparison.sheets(units)
+            if sheet.title == "Differences of the files"
         )
         assert sheet.rows == (("cylinder.boom.bore_mm", "120", "126"),)
         assert "in the unit that its key names" in sheet.note
     thrusts = [
         sheet
         for units in (WORKSHOP, SI)
-        for sheet in found.sheets(units)
+        for sheet in comparison.sheets(units)
         if "thrust" in str(sheet.columns)
     ]
     assert ["[kN]" in str(sheet.columns) for sheet in thrusts] == [True, False]
-    frame = found.frame.set_index("quantity")
+    frame = comparison.frame.set_index("quantity")
     assert frame.loc["cylinder.boom.bore_mm", "unit"] == "file"
 
 
 @pytest.mark.slow
 def test_a_version_that_cannot_take_the_poses_has_its_own_workspace() -> None:
-    found = compare(EXCAVATOR, EXCAVATOR.replace({"cylinder.stick.stroke_mm": 1300}), 4)
-    assert not found.same_workspace
-    assert found.sheets()[0].note == "each in its own workspace"
+    comparison = compare(EXCAVATOR, EXCAVATOR.replace({"cylinder.stick.stroke_mm": 1300}), 4)
+    assert not comparison.same_workspace
+    assert comparison.sheets()[0].note == "each in its own workspace"
 
 
 @pytest.mark.slow
 def test_two_machines_with_other_joints_cylinders_and_load_cases() -> None:
-    found = compare(machines.named("paper_1dof"), EXCAVATOR, 5)
-    assert not found.same_workspace
-    sheets = found.sheets(SI)
+    comparison = compare(machines.named("paper_1dof"), EXCAVATOR, 5)
+    assert not comparison.same_workspace
+    sheets = comparison.sheets(SI)
     words = str([sheet.rows for sheet in sheets])
     for name in ("lift", "boom", "load", "full"):
         assert name in words
     assert all(len(row) == len(sheet.columns) for sheet in sheets for row in sheet.rows)
-    frame = found.frame.set_index("quantity")
+    frame = comparison.frame.set_index("quantity")
     assert frame.loc["load.worst", "excavator_20t"] is None or pd.isna(
         frame.loc["load.worst", "excavator_20t"]
     )
-    found.plot("reach")
+    comparison.plot("reach")
 
 
 @pytest.mark.slow
 def test_a_machine_and_itself() -> None:
-    found = compare(EXCAVATOR, EXCAVATOR, 3)
-    assert found.differences == {}
-    assert list(found.maps) == ["excavator_20t A", "excavator_20t B"]
-    assert (found.frame["change"].dropna() == 0).all()
-    assert "The files do not differ" in [sheet.title for sheet in found.sheets()]
+    comparison = compare(EXCAVATOR, EXCAVATOR, 3)
+    assert comparison.differences == {}
+    assert list(comparison.maps) == ["excavator_20t A", "excavator_20t B"]
+    assert (comparison.frame["change"].dropna() == 0).all()
+    assert "The files do not differ" in [sheet.title for sheet in comparison.sheets()]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plane", ["joints", "reach"])
 def test_one_colour_scale(plane: str) -> None:
-    found = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)
-    axes = [ax for ax in found.plot(plane).axes if ax.get_xlabel()]
+    comparison = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)
+    axes = [ax for ax in comparison.plot(plane).axes if ax.get_xlabel()]
     scales = [c.get_clim() for ax in axes for c in ax.collections if c.get_array() is not None]
     assert len(scales) == 2
     assert scales[0] == scales[1]
-    assert scales[0][0] <= min(m.frame["f1_hz"].min() for m in found.maps.values()) + 0.2
+    assert scales[0][0] <= min(m.frame["f1_hz"].min() for m in comparison.maps.values()) + 0.2
 
 
 @pytest.mark.slow

@@ -54,5 +54,5 @@ def test_bandwidths_are_the_worst_and_median_of_some_poses(points: int, poses: i
     table = {row[0]: row[1:3] for row in section.sheets[0].rows}
     for label, one in zip(("today", "new"), maps, strict=True):
         frame = ad.bandwidth_map(one.machine, workspace.subset(rows)).frame
-        told = table[f"{label}: + pressure feedback, own gains"]
-        assert told == (f"{frame['own_hz'].min():.3g}", f"{frame['own_hz'].median():.3g}")
+        words = table[f"{label}: + pressure feedback, own gains"]
+        assert words == (f"{frame['own_hz'].min():.3g}", f"{frame['own_hz'].median():.3g}")

@@ -172,12 +172,13 @@ def test_names_of_joints_are_no_formulas(name: str, tmp_path: Path) -> None:
         'joints = ["boom"]', f'joints = ["{name}"]'.replace("\x9b", "\\u009b")
     )
     named = ad.Machine.from_text(text, urdf, tmp_path / "own.toml")
-    found = ad.frequency_map(named, ad.Workspace.grid(named, 5))
-    for drawn in (found.plot(), plots.holding_pressure(found)):
+    frequencies = ad.frequency_map(named, ad.Workspace.grid(named, 5))
+    for drawn in (frequencies.plot(), plots.holding_pressure(frequencies)):
         drawn.figure.savefig(tmp_path / "a.png")
         assert printable(name) in drawn.xaxis.label.get_text()
     plots.save(
-        plots.moment_arm_curves({name: found.machine, "b": found.machine}), tmp_path / "b.png"
+        plots.moment_arm_curves({name: frequencies.machine, "b": frequencies.machine}),
+        tmp_path / "b.png",
     )
 
 
@@ -214,9 +215,9 @@ def test_a_caption_says_what_is_drawn(name: str, words: str, tmp_path: Path) -> 
 def test_a_title_counts_the_joints_that_are_not_drawn(links: int, words: str) -> None:
     """Two are drawn."""
     machine = ad.Machine.from_text(template.new("x", links=links), "", Path("x.toml"))
-    found = ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
-    assert found.plot().get_title() == f"lowest over {words}"
-    assert plots.holding_pressure(found).get_title() == f"largest over {words}"
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
+    assert frequencies.plot().get_title() == f"lowest over {words}"
+    assert plots.holding_pressure(frequencies).get_title() == f"largest over {words}"
 
 
 def test_a_long_word_is_folded_and_numbers_stay_whole(capsys: pytest.CaptureFixture[str]) -> None:

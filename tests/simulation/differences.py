@@ -97,14 +97,14 @@ def assert_same(plant: Plant, model: LinearModel, tolerance: float = 1e-7) -> No
     a, b = state_and_command_jacobians(plant, model.equilibrium, command)
     c = piston_jacobians(plant, model.equilibrium)
     e = tool_acceleration_jacobians(plant, model.equilibrium)
-    for mine, theirs, scale in (
+    for own, theirs, scale in (
         (model.A, a, size),
         (model.select("commands").B, b, np.ones(plant.nc)),
         (model.select(outputs="piston positions").C, c, size),
         (model.select(outputs="tool acceleration").C, e, size),
     ):
         rows = np.abs(theirs * scale).max(axis=1, keepdims=True)
-        error = np.abs(mine - theirs) * scale / np.where(rows > 0, rows, 1.0)
+        error = np.abs(own - theirs) * scale / np.where(rows > 0, rows, 1.0)
         row, column = np.unravel_index(error.argmax(), error.shape)
-        where = f"{error.max():.2g} at {row}, {column}: {mine[row, column]}, {theirs[row, column]}"
+        where = f"{error.max():.2g} at {row}, {column}: {own[row, column]}, {theirs[row, column]}"
         assert error.max() < tolerance, where

@@ -48,16 +48,16 @@ def spool_after(machine: Machine, begin: float, width: float, time: np.ndarray) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("width", "rate", "told"),
+    ("width", "rate", "announced"),
     [(5e-3, 200.0, False), (1e-3, 1000.0, False), (1e-3, 200.0, True), (1e-4, 5.0, True)],
 )
-def test_no_pulse_is_lost(excavator: Machine, width: float, rate: float, told: bool) -> None:
+def test_no_pulse_is_lost(excavator: Machine, width: float, rate: float, announced: bool) -> None:
     """Thirty starts at random, in one stack: the spool follows in closed form to the tolerance
     (1e-8).
     """
     starts = np.random.default_rng(3).uniform(0.05, 0.9, 30)
     pulses = [
-        ad.Step(size=SIZE, begin=b, end=b + width) if told else silent(b, width)
+        ad.Step(size=SIZE, begin=b, end=b + width) if announced else silent(b, width)
         for b in starts.tolist()
     ]
     runs = simulate_all(
@@ -81,7 +81,7 @@ def test_the_arm_moves_as_integrated_between_the_jumps(excavator: Machine, begin
     for a, b, spool in ((0.0, begin, 0.0), (begin, begin + 1e-3, SIZE), (begin + 1e-3, end, 0.0)):
         if b > a:
             command = np.array([[spool, 0.0, 0.0]])
-            found = solve_ivp(
+            solution = solve_ivp(
                 lambda _, y, u=command: plant.derivative(y[None], u)[0],
                 (a, b),
                 state,
@@ -89,7 +89,7 @@ def test_the_arm_moves_as_integrated_between_the_jumps(excavator: Machine, begin
                 rtol=1e-10,
                 atol=1e-10,
             )
-            state = found.y[:, -1]
+            state = solution.y[:, -1]
     pulse = ad.Step(size=SIZE, begin=begin, end=begin + 1e-3)
     run = simulate(excavator, WORST, {"boom": pulse}, duration=end, rate=10)
     assert np.abs(state[:3] - WORST).max() > 1e-4
@@ -160,9 +160,9 @@ def test_a_stiff_case_keeps_its_pulses() -> None:
         def picked(self, cases: Sequence[int]) -> Stiff:
             return self
 
-    told = Breaks([t for a, width in pulses for t in (a, a + width)], True)
-    for breaks, area, count in ((told, 0.101, 5), (Breaks(), 0.101, 5000)):
-        found = integrate(
+    instants = Breaks([t for a, width in pulses for t in (a, a + width)], True)
+    for breaks, area, count in ((instants, 0.101, 5), (Breaks(), 0.101, 5000)):
+        trajectory = integrate(
             Stiff(),
             np.zeros((1, 2)),
             Span(np.array([5.0]), np.array([count])),
@@ -171,7 +171,7 @@ def test_a_stiff_case_keeps_its_pulses() -> None:
             1e-8,
             50_000,
         )[0]
-        assert found[-1, 0] == pytest.approx(area, abs=1e-6)
+        assert trajectory[-1, 0] == pytest.approx(area, abs=1e-6)
 
 
 class Watched:
@@ -261,9 +261,9 @@ def test_every_excitation_tells_itsbreaks_of(excavator: Machine) -> None:
         (SweptSine(amplitude=1, start=1, stop=2, duration=10.0), [0, 1, 9, 10]),
     ):
         moved = SymmetricCommand(None, 0.0, given)  # type: ignore[arg-type]
-        found = breaks_of({"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, "machine")
-        np.testing.assert_allclose(found.instants, sorted({*expected, 2.0}))
-        assert found.complete
+        breaks = breaks_of({"boom": moved, "stick": ad.Step(size=1, begin=2.0)}, "machine")
+        np.testing.assert_allclose(breaks.instants, sorted({*expected, 2.0}))
+        assert breaks.complete
     assert not breaks_of({"boom": lambda _: 0.0, "stick": ad.Step(size=1)}, "machine").complete
 
 

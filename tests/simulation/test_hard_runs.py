@@ -39,7 +39,7 @@ def always(size: float) -> Callable[[float], float]:
     return lambda _: size
 
 
-def told(run: Simulation, *words: str) -> None:
+def assert_events(run: Simulation, *words: str) -> None:
     """Finite, balanced to 1e-5 of what it exchanged, and each word is in some event."""
     assert np.all(np.isfinite(run.q))
     assert np.all(np.isfinite(run.pressures))
@@ -51,7 +51,7 @@ def told(run: Simulation, *words: str) -> None:
 
 def test_into_the_end_stop(excavator: Machine) -> None:
     run = simulate(excavator, WORST, {"boom": always(1.0)}, duration=1.0, tolerance=1e-7)
-    told(
+    assert_events(
         run, "boom reached its outer stop at 0.4", "boom's spool was fully open", "taken as ideal"
     )
 
@@ -90,7 +90,7 @@ def test_cavitating_load(excavator: Machine) -> None:
         preloaded=False,
         tolerance=1e-7,
     )
-    told(run, "bucket's cap cavitated at 0.29", "stick's cap cavitated")
+    assert_events(run, "bucket's cap cavitated at 0.29", "stick's cap cavitated")
     assert run.pressures.min() > -1.02 * bar
 
 
@@ -102,7 +102,7 @@ def test_zero_supply_pressure(excavator: Machine) -> None:
     run = simulate(
         excavator, WORST, lift, duration=1.0, supply_pressure=0.0, preloaded=False, tolerance=1e-7
     )
-    told(
+    assert_events(
         run,
         "the pump held 0 bar, no more than the return line's",
         "boom's load pushed oil back",
@@ -143,7 +143,7 @@ def test_valve_larger_than_the_pump(excavator: Machine, pump: str) -> None:
     run = simulate(
         excavator.replace(changes), LEVEL, {"boom": always(1.0)}, duration=0.4, tolerance=1e-7
     )
-    told(run, "were not enough" if pump == "flow_limited" else "taken as ideal")
+    assert_events(run, "were not enough" if pump == "flow_limited" else "taken as ideal")
     assert (run.supply.min() < 0.9 * excavator.supply.pressure) == (pump == "flow_limited")
 
 
@@ -188,12 +188,12 @@ def test_underlap_and_leakage_rest(excavator: Machine, air: float) -> None:
         }
     machine = excavator.replace(changes)
     plant = Plant(machine)
-    rest = find_equilibrium(plant, WORST).state
-    spool = plant.split(rest)[4]
-    rates = plant.derivative(rest[None], spool[None])[0]
+    equilibrium = find_equilibrium(plant, WORST).state
+    spool = plant.split(equilibrium)[4]
+    rates = plant.derivative(equilibrium[None], spool[None])[0]
     assert np.abs(rates).max() < 1e-6
     # the flow's, not the load's: no chamber at return pressure
-    assert plant.pressures(rest[None]).min() > 50 * bar
+    assert plant.pressures(equilibrium[None]).min() > 50 * bar
     held = simulate(
         machine, WORST, lambda _: spool.tolist(), duration=60.0, rate=1, tolerance=1e-7
     )
@@ -245,7 +245,7 @@ def test_load_holding_valve_holds_without_supply(excavator: Machine) -> None:
                 tolerance=1e-7,
             )
             ways.append(run.extensions[-1, 0] - run.extensions[0, 0])
-            told(run)
+            assert_events(run)
         assert ways[0] < -0.03
         assert abs(ways[1]) < 1e-6
 
@@ -257,7 +257,7 @@ def test_load_holding_valve_lowers_on_pilot_pressure(excavator: Machine) -> None
     speeds = []
     for machine in (excavator, holding(excavator)):
         run = simulate(machine, WORST, {"boom": always(-0.1)}, duration=1.0, tolerance=1e-7)
-        told(run)
+        assert_events(run)
         speeds.append(np.mean(run.speeds[run.time > 0.5, 0]))
     assert speeds[0] < speeds[1] < -0.005
 
@@ -267,7 +267,7 @@ def test_reliefs_open_where_they_are_set(excavator: Machine) -> None:
     run = simulate(
         machine, WORST, {"boom": lambda t: -0.1 if t < 0.3 else 0.0}, duration=0.6, tolerance=1e-7
     )
-    told(run, "the relief of boom's cap was open above 250 bar")
+    assert_events(run, "the relief of boom's cap was open above 250 bar")
 
 
 class Breaking:
@@ -287,7 +287,7 @@ class Breaking:
 def test_no_result_is_cut_short(edges: tuple[float, ...]) -> None:
     """A case that comes to its edge gives up there; the others reach their end."""
     n = len(edges)
-    found = integrate(
+    trajectory = integrate(
         Breaking(*edges),
         np.zeros((n, 1)),
         Span(np.full(n, 5.0), np.full(n, 5)),
@@ -296,7 +296,7 @@ def test_no_result_is_cut_short(edges: tuple[float, ...]) -> None:
         1e-6,
         9999,
     )
-    for edge, states in zip(edges, found, strict=True):
+    for edge, states in zip(edges, trajectory, strict=True):
         if edge < 5:
             assert isinstance(states, GaveUpError)
             assert "four-bar has opened" in states.cause
@@ -344,7 +344,7 @@ class Toggling:
 
 
 def test_rates_that_jump_without_end_are_not_followed_for_ever() -> None:
-    found = integrate(
+    trajectory = integrate(
         Toggling(),
         np.zeros((1, 3)),
         Span(np.ones(1), np.ones(1, dtype=int)),
@@ -353,5 +353,5 @@ def test_rates_that_jump_without_end_are_not_followed_for_ever() -> None:
         1e-12,
         9999,
     )[0]
-    assert isinstance(found, GaveUpError)
-    assert NO_LIMIT in found.cause
+    assert isinstance(trajectory, GaveUpError)
+    assert NO_LIMIT in trajectory.cause

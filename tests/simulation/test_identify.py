@@ -59,9 +59,9 @@ def test_deviations_hold_under_coloured_noise(noise: float, colour: float | str)
     held, ratios = np.zeros(2), []
     for _ in range(100):
         noisy = clean + size * coloured(random, len(time), colour)
-        found = ad.identify({"time_s": time, "boom_cap_bar": noisy}, [(0, 4)]).windows[0].fit
-        errors = [found.natural_frequencies[0] - 2, found.damping_ratios[0] - 0.02]
-        deviations = np.array([found.frequency_deviations[0], found.damping_deviations[0]])
+        fit = ad.identify({"time_s": time, "boom_cap_bar": noisy}, [(0, 4)]).windows[0].fit
+        errors = [fit.natural_frequencies[0] - 2, fit.damping_ratios[0] - 0.02]
+        deviations = np.array([fit.frequency_deviations[0], fit.damping_deviations[0]])
         held += np.abs(errors) <= 2 * deviations
         ratios.append(np.abs(errors) / deviations)
     assert np.all(held >= 90)
@@ -72,11 +72,11 @@ def test_deviations_hold_under_coloured_noise(noise: float, colour: float | str)
 def test_a_recording_that_rings_from_begin_to_end() -> None:
     """Nothing in it is quiet, and its envelope is highest where it begins."""
     time, clean = ring(duration=6.0)
-    found = ad.identify({"time_s": time, "boom_cap_bar": clean})
-    (begin, end) = found.windows[0].begin, found.windows[-1].end
+    identified = ad.identify({"time_s": time, "boom_cap_bar": clean})
+    (begin, end) = identified.windows[0].begin, identified.windows[-1].end
     assert begin < 1.0
     assert end > 5.0
-    assert found.frame["frequency_hz"].to_numpy() == pytest.approx(2.0, rel=1e-3)
+    assert identified.frame["frequency_hz"].to_numpy() == pytest.approx(2.0, rel=1e-3)
     with pytest.raises(SimulationError, match="holds 1 sample; give a row per instant"):
         ad.identify({"time_s": time[:1], "boom_cap_bar": clean[:1]})
     with pytest.raises(SimulationError, match="boom_cap_bar is constant"):
@@ -131,10 +131,10 @@ def test_what_is_no_free_decay_is_said() -> None:
         (70 + np.exp(0.02 * omega * time) * np.cos(omega * time), "grows", "it grows, as no free"),
         (first + 1.0 * noise, "large residual", "the fit leaves "),
     ):
-        found = ad.identify({"time_s": time, "boom_cap_bar": pressure}, [(0, 7.99)])
-        assert word in found.frame["remark"][0]
-        assert any(message in line for line in found.findings if line[:9] == "0–7.99 s:")
-        assert word in identified_sheets(found)[0].rows[0][4]
+        identified = ad.identify({"time_s": time, "boom_cap_bar": pressure}, [(0, 7.99)])
+        assert word in identified.frame["remark"][0]
+        assert any(message in line for line in identified.findings if line[:9] == "0–7.99 s:")
+        assert word in identified_sheets(identified)[0].rows[0][4]
     decay = ad.identify({"time_s": time, "boom_cap_bar": first}, [(0, 7.99)])
     assert decay.frame["remark"].to_list() == [""]
     assert decay.findings == []
@@ -142,9 +142,9 @@ def test_what_is_no_free_decay_is_said() -> None:
 
 def test_a_window_beyond_the_recording_is_said() -> None:
     time, pressure = ring()
-    found = ad.identify({"time_s": time, "boom_cap_bar": pressure}, [(-5, 4)])
-    assert "cut" in found.frame["remark"][0]
-    assert "the recording holds 0–3.99 s, not all of -5–4 s" in found.findings[0]
+    identified = ad.identify({"time_s": time, "boom_cap_bar": pressure}, [(-5, 4)])
+    assert "cut" in identified.frame["remark"][0]
+    assert "the recording holds 0–3.99 s, not all of -5–4 s" in identified.findings[0]
 
 
 def of(frequency: float, rate: float, duration: float, noise: float = 0.05) -> dict[str, Any]:
@@ -193,11 +193,11 @@ def test_the_motion_of_a_machine_is_told_beside_its_swings() -> None:
     time, pressure = ring(8.0)
     columns = {"time_s": time, "boom_cap_bar": pressure, "boom_length_mm": 900 + 10 * time}
     moving = ad.identify(columns, [(0, 7.99)])
-    still = ad.identify({**columns, "boom_length_mm": 900 + 0.5 * time}, [(0, 7.99)])
+    of_length = ad.identify({**columns, "boom_length_mm": 900 + 0.5 * time}, [(0, 7.99)])
     words = "the machine moves (boom_length_mm 900 to 979.9): its pose changes the frequency"
     assert moving.motion(*moving.windows) == words
     assert moving.plot().axes[2].get_title() == f"{words}, too"
-    assert still.plot().axes[2].get_title() == ""
+    assert of_length.plot().axes[2].get_title() == ""
 
 
 def test_found_windows_and_swings() -> None:
@@ -205,23 +205,23 @@ def test_found_windows_and_swings() -> None:
     before = np.full(200, pressure[0])
     columns = {"time_s": np.arange(1400) * STEP, "boom_cap_bar": np.append(before, pressure)}
     noisy = columns["boom_cap_bar"] + 0.01 * np.random.default_rng(2).normal(size=1400)
-    found = ad.identify({**columns, "boom_cap_bar": noisy})
-    assert len(found.windows) >= 2
-    assert found.windows[0].begin > 2.0
-    ends = [end for window in found.windows for end in (window.begin, window.end)]
+    identified = ad.identify({**columns, "boom_cap_bar": noisy})
+    assert len(identified.windows) >= 2
+    assert identified.windows[0].begin > 2.0
+    ends = [end for window in identified.windows for end in (window.begin, window.end)]
     assert ends == pytest.approx(np.round(ends, 2), abs=1e-9)
-    assert found.frame["frequency_hz"].to_numpy() == pytest.approx(2.0, rel=0.01)
-    assert found.swings["amplitude"].is_monotonic_decreasing
-    assert len(found.plot().axes) == 3
+    assert identified.frame["frequency_hz"].to_numpy() == pytest.approx(2.0, rel=0.01)
+    assert identified.swings["amplitude"].is_monotonic_decreasing
+    assert len(identified.plot().axes) == 3
 
 
 def test_a_coarse_sensor_is_not_clipped() -> None:
     """Steps of 0.1 bar make flat peaks in closed form; they are no limit of the sensor."""
     time, pressure = ring()
     coarse = np.round(pressure / 0.1) * 0.1
-    found = ad.identify({"time_s": time, "boom_cap_bar": coarse}, [(0, 4)])
-    assert found.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
-    assert found.frame["damping_ratio"].to_numpy() == pytest.approx([0.02], rel=0.05)
+    identified = ad.identify({"time_s": time, "boom_cap_bar": coarse}, [(0, 4)])
+    assert identified.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
+    assert identified.frame["damping_ratio"].to_numpy() == pytest.approx([0.02], rel=0.05)
 
 
 def test_faults_of_recordings() -> None:
@@ -312,15 +312,17 @@ READ_OUT = {  # window [s]: frequency [Hz] by an independent fit, systematic err
 
 def test_the_measured_crane() -> None:
     """PATU 655, figures read from published curves; ζ was read out as 0.017 to 0.020."""
-    found = ad.identify(CRANE, list(READ_OUT))
-    frequencies = found.frame["frequency_hz"].to_numpy()
+    identified = ad.identify(CRANE, list(READ_OUT))
+    frequencies = identified.frame["frequency_hz"].to_numpy()
     assert frequencies == pytest.approx(list(READ_OUT.values()), rel=0.005)
-    assert found.frame["damping_ratio"].between(0.015, 0.022).all()
-    assert found.frame["lift_length_mm"].iloc[0] == pytest.approx(958.5, abs=0.1)
-    assert found.warnings == (found.warnings[0],)
-    assert "lift_inclinometer_deg" in found.warnings[0]
+    assert identified.frame["damping_ratio"].between(0.015, 0.022).all()
+    assert identified.frame["lift_length_mm"].iloc[0] == pytest.approx(958.5, abs=0.1)
+    assert identified.warnings == (identified.warnings[0],)
+    assert "lift_inclinometer_deg" in identified.warnings[0]
     # the rod side is open while the cylinder moves
-    assert set(found.pressures["verdict"].str[:40]) == {"the annulus pressure does not swing with"}
+    assert set(identified.pressures["verdict"].str[:40]) == {
+        "the annulus pressure does not swing with"
+    }
 
 
 def test_a_simulated_ring_has_the_linear_frequency_and_the_ratio_of_trapped_oil() -> None:
@@ -336,15 +338,15 @@ def test_a_simulated_ring_has_the_linear_frequency_and_the_ratio_of_trapped_oil(
         columns[f"{name}_length_mm"] = 1e3 * lengths[:, i]
         columns[f"{name}_cap_bar"] = run.pressures[:, i, 0] / 1e5
         columns[f"{name}_rod_bar"] = run.pressures[:, i, 1] / 1e5
-    found = ad.identify(columns, [(0, 6)], machine=machine)
-    assert found.frame["frequency_hz"][0] == pytest.approx(modes.frequencies[0, 0], rel=1e-3)
-    assert found.windows[0].pose == pytest.approx(pose, abs=1e-4)
-    assert len(found.pressures) >= 1
-    assert found.pressures["ratio"].to_numpy() == pytest.approx(
-        found.pressures["trapped_ratio"].to_numpy(), rel=0.01
+    identified = ad.identify(columns, [(0, 6)], machine=machine)
+    assert identified.frame["frequency_hz"][0] == pytest.approx(modes.frequencies[0, 0], rel=1e-3)
+    assert identified.windows[0].pose == pytest.approx(pose, abs=1e-4)
+    assert len(identified.pressures) >= 1
+    assert identified.pressures["ratio"].to_numpy() == pytest.approx(
+        identified.pressures["trapped_ratio"].to_numpy(), rel=0.01
     )
-    assert found.pressures["phase_deg"].to_numpy() == pytest.approx(180, abs=1)
-    assert found.pressures["verdict"].str.endswith("in the ratio of trapped oil").all()
+    assert identified.pressures["phase_deg"].to_numpy() == pytest.approx(180, abs=1)
+    assert identified.pressures["verdict"].str.endswith("in the ratio of trapped oil").all()
 
 
 def test_large_swings_of_a_pendulum_ring_lower() -> None:
@@ -356,25 +358,27 @@ def test_large_swings_of_a_pendulum_ring_lower() -> None:
 
     motion = solve_ivp(rates, (0, 12), [1.5, 0.0], t_eval=time, rtol=1e-9, atol=1e-9).y
     noise = 1e-3 * np.random.default_rng(3).normal(size=len(time))
-    found = ad.identify({"time_s": time, "swing": motion[0] + noise}, [(0, 12)], signal="swing")
-    pieces = found.windows[0].swings
+    identified = ad.identify(
+        {"time_s": time, "swing": motion[0] + noise}, [(0, 12)], signal="swing"
+    )
+    pieces = identified.windows[0].swings
     assert pieces is not None
     exact = 1 / (2 / math.pi * ellipk(np.sin(pieces.amplitudes / 2) ** 2))
     assert pieces.frequencies == pytest.approx(exact, rel=0.01)
     assert pieces.frequencies[0] < 0.92 * pieces.frequencies[-1]
     assert pieces.change is not None
-    assert "large swings ring lower" in found.findings[0]
+    assert "large swings ring lower" in identified.findings[0]
 
 
 def test_the_answer_to_a_recorded_input() -> None:
     """An oscillator of 2 Hz and ζ = 0.05 under a sweep, exact for a linear input."""
     time, u, y = swept([(2.0, 0.05, 1.0)], band=(1.0, 3.0))
     columns = {"time_s": time, "spool": u, "boom_mm_per_s": y}
-    found = ad.identify(columns, excitation="spool", band=(1.0, 3.0))
-    assert found.signal == "boom_mm_per_s"
-    assert found.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
-    assert found.frame["damping_ratio"].to_numpy() == pytest.approx([0.05], rel=0.02)
-    assert len(found.plot().axes) == 1
+    identified = ad.identify(columns, excitation="spool", band=(1.0, 3.0))
+    assert identified.signal == "boom_mm_per_s"
+    assert identified.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
+    assert identified.frame["damping_ratio"].to_numpy() == pytest.approx([0.05], rel=0.02)
+    assert len(identified.plot().axes) == 1
 
 
 def test_the_command(

@@ -74,9 +74,9 @@ def drawn(rng: np.random.Generator, with_friction: FittedMode | Failure | None) 
     fit = ModalFit(*numbers, numbers[0], lines, lines, numbers[:2], 0.1)  # type: ignore[call-arg]
     named = {"pose": "worst", "payload": "full", "cylinder": "boom", "mode": 2, "fitted_mode": 1}
     linear = {"linear_frequency": 1 / 3, "frequency_at_rest": np.nan, "linear_damping": 5e-324}
-    rest = {"amplitude": 0.1, "peak": 2.0, "energy_error": 1e-5, "remark": "agrees"}
+    figures = {"amplitude": 0.1, "peak": 2.0, "energy_error": 1e-5, "remark": "agrees"}
     arrays = {"q": numbers[5], "mean": numbers[4], "span": numbers[3], "on_resonance": numbers[:2]}
-    return FittedMode(**named, **linear, **rest, **arrays, fit=fit, with_friction=with_friction)
+    return FittedMode(**named, **linear, **figures, **arrays, fit=fit, with_friction=with_friction)
 
 
 def test_what_is_kept_is_all() -> None:

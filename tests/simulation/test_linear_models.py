@@ -177,12 +177,12 @@ def test_what_is_not_told_to_move_holds(excavator: Machine) -> None:
     """Tight valves as at rest; leaking ones by the spool position that makes up for the leak."""
     underlap = {f"cylinder.{name}.valve.overlap_percent": -2 for name in ("boom", "stick")}
     for machine in (excavator, excavator.replace(underlap)):
-        rest = ad.linearize(machine, WORST)
+        equilibrium = ad.linearize(machine, WORST)
         moving = ad.linearize(machine, WORST, opening={"bucket": 0.02})
         for index in (0, 1):
             for group in ("cap pressures", "annulus pressures", "spools"):
-                at = rest.state_groups[group].start + index
-                expected = pytest.approx(rest.equilibrium[at], rel=1e-2, abs=1e-4)
+                at = equilibrium.state_groups[group].start + index
+                expected = pytest.approx(equilibrium.equilibrium[at], rel=1e-2, abs=1e-4)
                 assert moving.equilibrium[at] == expected
         speeds = moving.equilibrium[moving.state_groups["speeds"]]
         np.testing.assert_allclose(speeds[:2], 0, atol=1e-9)
@@ -226,8 +226,8 @@ def test_unstable_poses_are_told_with_a_stable_one() -> None:
     worst = poses[~models.stable][0]
     with pytest.raises(SimulationError, match="unstable on its trapped oil at boom") as error:
         ad.linearize(machine, worst)
-    told = error.value.remedy.partition("mid range is ")[2]
-    stable = [float(word.split()[1]) for word in told.split(", ")]
+    pose = error.value.remedy.partition("mid range is ")[2]
+    stable = [float(word.split()[1]) for word in pose.split(", ")]
     assert ad.linearize(machine, stable).stable
 
 

@@ -159,17 +159,19 @@ def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
     machine = ad.load("paper_1dof").replace(
         {"fluid.entrained_air_percent": 1.0, f"cylinder.lift.valve.{leak}": size}
     )
-    found = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
-    note = map_sheets(found)[0].note
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 5))
+    note = map_sheets(frequencies)[0].note
     assert "underlap (lift) changes it" in note
-    told = float(re.search(r"then has ([\d.]+) Hz", note)[1])  # type: ignore[index]
+    stated = float(re.search(r"then has ([\d.]+) Hz", note)[1])  # type: ignore[index]
     plant = Plant(machine)
-    trim = plant.split(find_equilibrium(plant, found.worst.q).state)[4].tolist()
-    run = simulate(machine, found.worst.q, lambda _: trim, velocity=[1e-4], duration=1.0, rate=400)
-    assert told == pytest.approx(
+    trim = plant.split(find_equilibrium(plant, frequencies.worst.q).state)[4].tolist()
+    run = simulate(
+        machine, frequencies.worst.q, lambda _: trim, velocity=[1e-4], duration=1.0, rate=400
+    )
+    assert stated == pytest.approx(
         identify_ringdown(run.time, run.velocity).natural_frequencies[0], rel=2e-3
     )
-    assert told > 1.5 * found.worst.frequency
+    assert stated > 1.5 * frequencies.worst.frequency
 
 
 @pytest.mark.parametrize(

@@ -19,17 +19,17 @@ TOLD = {"lift_length_mm": 1000.0, "tilt_boom_deg": -40.0, "extension_mm": 100.0}
 def identified(**columns: float) -> Any:
     """A ring of 2 Hz with constant columns, whose windows are 0 to 2 s and 2 to 4 s."""
     time, pressure = ring()
-    told = {name: np.full(len(time), value) for name, value in columns.items()}
-    recording = {"time_s": time, "lift_cap_bar": pressure, **told}
-    found = ad.identify(recording, [(0, 2), (2, 4)], machine=CRANE)
-    assert found.frame["frequency_hz"].to_numpy() == pytest.approx([2.0, 2.0], rel=1e-3)
-    return found
+    recording_columns = {name: np.full(len(time), value) for name, value in columns.items()}
+    recording = {"time_s": time, "lift_cap_bar": pressure, **recording_columns}
+    identification = ad.identify(recording, [(0, 2), (2, 4)], machine=CRANE)
+    assert identification.frame["frequency_hz"].to_numpy() == pytest.approx([2.0, 2.0], rel=1e-3)
+    return identification
 
 
 def test_a_pose_that_is_told() -> None:
-    found = identified(**TOLD)
-    assert found.findings == []
-    assert found.windows[0].pose[1:] == pytest.approx([np.radians(-40), 0.1])
+    windows = identified(**TOLD)
+    assert windows.findings == []
+    assert windows.windows[0].pose[1:] == pytest.approx([np.radians(-40), 0.1])
 
 
 @pytest.mark.parametrize(
@@ -68,6 +68,6 @@ def test_a_pose_that_is_not_told_is_left_out_or_said(
     change: dict[str, float | None], pose: bool, message: str
 ) -> None:
     given = {name: value for name, value in {**TOLD, **change}.items() if value is not None}
-    found = identified(**given)
-    assert sum(line.startswith(message) for line in found.findings) == 1
-    assert all((window.pose is not None) is pose for window in found.windows)
+    windows = identified(**given)
+    assert sum(line.startswith(message) for line in windows.findings) == 1
+    assert all((window.pose is not None) is pose for window in windows.windows)

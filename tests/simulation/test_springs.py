@@ -71,10 +71,10 @@ def test_damping_ratio_is_that_of_the_joint_alone() -> None:
 def test_nothing_damps_where_the_file_says_so() -> None:
     """`damped = false` leaves out the spring's own damping, too, and no frequency changes."""
     damped = rocking(more="damping_ratio = 0.1")
-    still = damped.replace({"damped": False})
+    undamped = damped.replace({"damped": False})
     q = off_middle(damped)
     assert linearize(damped, q).damping_ratios.min() > 1e-3
-    linear = linearize(still, q)
+    linear = linearize(undamped, q)
     assert_allclose(linear.damping_ratios, 0, atol=1e-7)
     modes = natural_modes(damped.at(q)).frequencies[0]
     assert_allclose(linear.natural_frequencies, modes, rtol=1e-6)
@@ -88,8 +88,8 @@ def test_two_masses_ring_as_by_hand() -> None:
     run = simulate(
         machine, [0.0], {"push": lambda t: 0.0}, duration=3.0, rate=2000, velocity=[1e-3]
     )
-    found = identify_ringdown(run.time, run.spring_speeds[:, 0], modes=2)
-    assert_allclose(np.sort(found.natural_frequencies), expected, rtol=1e-4)
+    ringdown = identify_ringdown(run.time, run.spring_speeds[:, 0], modes=2)
+    assert_allclose(np.sort(ringdown.natural_frequencies), expected, rtol=1e-4)
     assert run.energy_error < 1e-6
 
 

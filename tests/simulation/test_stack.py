@@ -60,21 +60,23 @@ def test_oscillators_of_unlike_speed_and_duration() -> None:
     system = Linear(np.array([oscillator(w) for w in omegas]))
     start, counts = np.tile([1.0, 0.0], (3, 1)), np.array([50, 500, 70])
     states = alone(system, start, durations, counts, omegas, 1e-9, 100_000)
-    for omega, duration, count, found in zip(omegas, durations, counts, states, strict=True):
+    for omega, duration, count, states_of_one in zip(
+        omegas, durations, counts, states, strict=True
+    ):
         time = np.linspace(0, duration, count + 1)
-        np.testing.assert_allclose(found[:, 0], np.cos(omega * time), atol=2e-5)
+        np.testing.assert_allclose(states_of_one[:, 0], np.cos(omega * time), atol=2e-5)
 
 
 def test_error_falls_with_the_tolerance() -> None:
     errors = []
     for tolerance in (1e-4, 1e-6, 1e-8):
-        found = alone(
+        trajectory = alone(
             Linear(np.array([oscillator(2.0, 0.1)])), np.array([[1.0, 0.0]]), np.array([5.0]),
             np.array([10]), np.zeros(1), tolerance, 10_000,
         )[0]  # fmt: skip
         wd = 2.0 * math.sqrt(1 - 0.01)
         exact = math.exp(-1.0) * (math.cos(5 * wd) + 0.2 / wd * math.sin(5 * wd))
-        errors.append(abs(found[-1, 0] - exact))
+        errors.append(abs(trajectory[-1, 0] - exact))
     assert errors[0] > 10 * errors[1] > 100 * errors[2]
     assert errors[2] < 1e-7
 

@@ -125,13 +125,13 @@ def test_picks_poses_over_payloads_and_moves_every_cylinder() -> None:
     machine = ad.load("mini_excavator_2t")
     workspace = ad.Workspace.grid(machine, 9)
     validation = validate(machine, workspace=workspace)
-    found = ad.frequency_map(machine, workspace)
-    lowest = np.sort(found.frame["f1_hz"])
+    frequencies = ad.frequency_map(machine, workspace)
+    lowest = np.sort(frequencies.frame["f1_hz"])
     firsts = [validation.by_pose[name].runs[0] for name in ("worst", "median", "best")]
     assert [run.mode for run in firsts] == [1, 1, 1]
-    expected = [found.worst.frequency, lowest[len(lowest) // 2], lowest[-1]]
+    expected = [frequencies.worst.frequency, lowest[len(lowest) // 2], lowest[-1]]
     assert [run.linear_frequency for run in firsts] == pytest.approx(expected, rel=1e-9)
-    assert firsts[0].cylinder == found.worst.cylinder
+    assert firsts[0].cylinder == frequencies.worst.cylinder
     for one in validation.by_pose.values():
         assert {run.cylinder for run in one.runs} == {"boom", "stick", "bucket"}
         assert len(one.runs) == 6
@@ -139,7 +139,7 @@ def test_picks_poses_over_payloads_and_moves_every_cylinder() -> None:
     empty = validate(machine, workspace=workspace, payloads=["empty"], cylinders=["boom"])
     assert {run.payload for run in empty.runs} == {"empty"}
     assert empty.runs[0].linear_frequency == pytest.approx(
-        found.worst_of["empty"].frequency, rel=1e-9
+        frequencies.worst_of["empty"].frequency, rel=1e-9
     )
 
 
@@ -161,8 +161,8 @@ def test_small_sweeps_find_the_damped_frequency_of_every_shipped_machine(name: s
         damped = poles.imag[
             np.argmin(np.abs(np.abs(poles) / (2 * np.pi) - run.linear_frequency))
         ] / (2 * np.pi)
-        found = run.identified_frequency * np.sqrt(1 - run.identified_damping**2)
-        assert found == pytest.approx(damped, rel=5e-3)
+        damped_hz = run.identified_frequency * np.sqrt(1 - run.identified_damping**2)
+        assert damped_hz == pytest.approx(damped, rel=5e-3)
 
 
 @pytest.mark.slow
@@ -239,23 +239,23 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     poses, area = [[0.0], [0.6]], machine.cylinders[0].annulus_area
     needed = [-float(machine.at(pose).cylinder_forces[0, 0]) / area for pose in poses]
     assert needed[0] > 60 * bar > needed[1]
-    found = validate(machine, poses)
-    assert [run.pose for run in found.runs] == ["2", "2"]
-    assert [one.pose for one in found.failures] == ["1"]
-    assert found.worst_deviation == np.inf
-    assert len(found.frame) == 3
-    ordered = [column for column in found.frame.columns if column in COLUMNS]
+    validation = validate(machine, poses)
+    assert [run.pose for run in validation.runs] == ["2", "2"]
+    assert [one.pose for one in validation.failures] == ["1"]
+    assert validation.worst_deviation == np.inf
+    assert len(validation.frame) == 3
+    ordered = [column for column in validation.frame.columns if column in COLUMNS]
     # though the first row is a failure
     assert ordered == [column for column in COLUMNS if column in ordered]
     assert ordered.index("identified_hz") < ordered.index("amplitude")
-    assert "to hold the load, supply is 60 bar" in found.frame["remark"].iloc[0]
-    assert list(np.isnan(found.frame["identified_hz"])) == [True, False, False]
-    assert list(found.by_pose) == ["1", "2"]
-    sheet = validation_sheet(found.by_pose)
+    assert "to hold the load, supply is 60 bar" in validation.frame["remark"].iloc[0]
+    assert list(np.isnan(validation.frame["identified_hz"])) == [True, False, False]
+    assert list(validation.by_pose) == ["1", "2"]
+    sheet = validation_sheet(validation.by_pose)
     assert ["failed" in row for row in sheet.rows] == [True, False, False]
     assert "Failed: 1, load, lift: paper_1dof: lift cylinder: needs" in sheet.note
-    assert "2 of 3 sweeps agree" in verdict([found])
-    assert "1 failed" in verdict([found])
+    assert "2 of 3 sweeps agree" in verdict([validation])
+    assert "1 failed" in verdict([validation])
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
     nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
     assert not nothing.runs

@@ -57,23 +57,23 @@ def dask(folder: Path) -> Iterator[tuple[str, Start]]:
 def test_a_worker_killed_and_one_started_late_lose_and_double_nothing(tmp_path: Path) -> None:
     journal = tmp_path / "j.sqlite"
     with dask(tmp_path) as (address, worker):
-        first, told = worker(), list[str]()
+        first, messages = worker(), list[str]()
         worker()
 
         def say(text: str) -> None:
-            told.append(text)
-            if len(told) == 6:
+            messages.append(text)
+            if len(messages) == 6:
                 os.kill(first.pid, signal.SIGKILL)
                 worker()
 
         on_cluster = sweep(
             "paper_1dof", MODULI, points=5, scheduler=address, journal=journal, say=say
         )
-    assert told == [f"{n} of 30 cases" for n in range(1, 31)]
-    here = ad.sweep("paper_1dof", MODULI, points=5)
+    assert messages == [f"{n} of 30 cases" for n in range(1, 31)]
+    local = ad.sweep("paper_1dof", MODULI, points=5)
     kept = ad.sweep("paper_1dof", MODULI, points=5, journal=journal)
     assert kept.kept == 30
-    one, other = (each.frame.drop(columns="seconds") for each in (on_cluster, here))
+    one, other = (each.frame.drop(columns="seconds") for each in (on_cluster, local))
     pd.testing.assert_frame_equal(one, other, check_exact=True)
 
 

@@ -105,7 +105,7 @@ def test_modes_move_the_machine_and_end_where_it_stands() -> None:
     machine = named("paper_1dof")
     with viewing(machine) as viewer:
         frame = viewer.stage.shown["today"].frames["lift.rod"]
-        still = np.array(frame.position)
+        equilibrium = np.array(frame.position)
         viewer.swing.value = True
         places = []
         for _ in range(20):
@@ -114,9 +114,9 @@ def test_modes_move_the_machine_and_end_where_it_stands() -> None:
         assert np.ptp(places, axis=0).max() > 1e-3
         viewer.swing.value = False
         deadline = time.monotonic() + 10
-        while not np.allclose(frame.position, still) and time.monotonic() < deadline:
+        while not np.allclose(frame.position, equilibrium) and time.monotonic() < deadline:
             time.sleep(0.05)
-        np.testing.assert_allclose(frame.position, still)
+        np.testing.assert_allclose(frame.position, equilibrium)
 
 
 @pytest.mark.slow

@@ -23,9 +23,9 @@ def test_a_reading_is_what_the_modes_of_its_pose_are() -> None:
     modes = natural_modes(machine.at(q))
     np.testing.assert_allclose(one.frequencies, modes.frequencies[0])
     assert one.limiting[0] == "boom"
-    told = dict(rows(one))
-    assert told["lowest frequency"] == f"{modes.frequencies[0, 0]:.3g} Hz"
-    assert told["limited by"].startswith("boom (9")
+    table = dict(rows(one))
+    assert table["lowest frequency"] == f"{modes.frequencies[0, 0]:.3g} Hz"
+    assert table["limited by"].startswith("boom (9")
 
 
 def test_bandwidth_is_that_of_the_bandwidth_map() -> None:
@@ -65,9 +65,9 @@ def test_a_swing_is_the_mode_and_begins_at_rest(name: str) -> None:
     assert one.modes is not None
     z = one.swing(0, 0.01)
     assert z.shape == (PHASES, len(machine.arm.coordinates))
-    still = machine.arm.with_springs(q[None])[0]
-    np.testing.assert_allclose(z[0], still)
-    step = z[PHASES // 4] - still
+    equilibrium = machine.arm.with_springs(q[None])[0]
+    np.testing.assert_allclose(z[0], equilibrium)
+    step = z[PHASES // 4] - equilibrium
     shape = one.modes.shapes[0, :, 0]
     np.testing.assert_allclose(step / np.linalg.norm(step), shape / np.linalg.norm(shape), 1e-6)
     words, rate = swing_words(one, len(shape) - 1, 0.01)
@@ -98,13 +98,13 @@ def test_another_machine_needs_the_same_joints() -> None:
 def test_faults_stand_below_the_table_and_are_said_once() -> None:
     machine = named("paper_1dof")
     view = view_of(machine, workspace=ad.Workspace.grid(machine, 3))
-    here, beyond = (reading(machine, np.array([q])) for q in (0.0, 2.0))
-    of_both = reading_words({"today": here, "new": here}, "", view.region)
+    within, beyond = (reading(machine, np.array([q])) for q in (0.0, 2.0))
+    of_both = reading_words({"today": within, "new": within}, "", view.region)
     assert of_both.count("no bandwidth: ") == 1
     assert ": no bandwidth: " not in of_both
-    of_new = reading_words({"today": here, "new": beyond}, "", view.region)
+    of_new = reading_words({"today": within, "new": beyond}, "", view.region)
     assert "<p>today: no bandwidth: " in of_new
     assert f"<p>new: no frequency: {html.escape(beyond.fault)}</p>" in of_new
-    assert f"<td>{here.frequencies[0]:.3g} Hz</td><td>–</td>" in of_new
+    assert f"<td>{within.frequencies[0]:.3g} Hz</td><td>–</td>" in of_new
     of_none = reading_words({"today": beyond, "new": beyond}, "", view.region)
     assert "<table></table>" in of_none

@@ -139,10 +139,10 @@ def allowed_columns(drive: JointDrive, k: int, designs: Array) -> Columns:
     """Columns of the designs (m, 3) that are allowed, each with some choices of swept volumes."""
     kept, _, volume = drive.limits.allowed(designs, designs)
     kept, volume = kept[:KEPT], volume[:KEPT]
-    choices = volume.shape[1]
+    count = volume.shape[1]
     return Columns(
-        drive=np.full(choices * len(kept), k),
-        design=np.repeat(designs[kept], choices, axis=0),
+        drive=np.full(count * len(kept), k),
+        design=np.repeat(designs[kept], count, axis=0),
         volume=volume.reshape(-1, 2),
     )
 

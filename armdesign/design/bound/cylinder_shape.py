@@ -370,8 +370,8 @@ def _turned(
     places = _from_joint(linkage, poses)
     if abs(places["base"][1] - places["rod_end"][1]) > STRAIGHT:
         return None
-    still = np.zeros((2, 2))
-    base, end = (places[pin][[0, 2]] + moves.get(pin, still) for pin in ("base", "rod_end"))
+    unmoved = np.zeros((2, 2))
+    base, end = (places[pin][[0, 2]] + moves.get(pin, unmoved) for pin in ("base", "rod_end"))
     boxes = TriangleBoxes(base=base, rod_end=end)
     low, high, scale = boxes.region()
     unit = arm.direction(

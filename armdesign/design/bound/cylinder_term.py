@@ -207,8 +207,8 @@ class CylinderTerm:
         by_stroke = value[:, None] * e.wide.stroke_slope.size * e.reach / e.stroke.low[:, None]
         by_scale = 0.25 * value * (scale.high / scale.low - 1)
         if spring.structure is not None:
-            rest = self._rest(e.centre.arm.low**2, spring)
-            by_scale = by_scale + rest * (1 - (scale.low / scale.high) ** 2)
+            of_structure = self._of_structure(e.centre.arm.low**2, spring)
+            by_scale = by_scale + of_structure * (1 - (scale.low / scale.high) ** 2)
         added = np.column_stack([spread + by_stroke, by_scale])
         return np.where(known[:, None], added, np.column_stack([e.reach, np.zeros(len(value))]))
 
@@ -217,7 +217,7 @@ class CylinderTerm:
         empty, full = np.maximum(e.place.low, 0.0), np.minimum(e.place.high, 1.0)
         oil = self._oil(empty, full, volume, spring)
         value = self._sum(oil, e.rate.square().high, e.bend, volume, costs, spring)
-        return value + self._rest(e.arm.square().high, spring)[:, None]
+        return value + self._of_structure(e.arm.square().high, spring)[:, None]
 
     def _value(
         self, centre: Natural, volume: Array, costs: Array, spring: CylinderSpring
@@ -225,7 +225,7 @@ class CylinderTerm:
         """The term (m, v) at the centres of cells."""
         oil = self._oil(centre.place.low, centre.place.low, volume, spring)
         value = self._sum(oil, centre.rate.low**2, centre.bend, volume, costs, spring)
-        return value + self._rest(centre.arm.low**2, spring)[:, None]
+        return value + self._of_structure(centre.arm.low**2, spring)[:, None]
 
     def _oil(self, first: Array, last: Array, volume: Array, spring: CylinderSpring) -> Array:
         """Oil k S²/β (m, v, n) [m³], the piston at ``first`` (cap) and at ``last`` (annulus)."""
@@ -258,7 +258,7 @@ class CylinderTerm:
             - np.einsum("mvs,ms->mv", volume, costs)
         )
 
-    def _rest(self, arm_squared: Array, spring: CylinderSpring) -> Array:
+    def _of_structure(self, arm_squared: Array, spring: CylinderSpring) -> Array:
         """Structure's share (m,) of Σ w k r²."""
         if spring.structure is None:
             return np.zeros(len(arm_squared))

@@ -301,15 +301,15 @@ def _cells(problem: Problem, i: int) -> list[PinCell]:
 
 def _around(linkage: Linkage, pins: dict[str, Interval]) -> PinCell:
     """A box with the rod end anywhere within the first leg's length of its pin, at every pose."""
-    still = interval(np.zeros(3))
+    unmoved = interval(np.zeros(3))
     legs = tuple(
-        (pins.get(bar, still)[0] + getattr(linkage, bar)).above(0.0) for bar, _ in linkage.legs
+        (pins.get(bar, unmoved)[0] + getattr(linkage, bar)).above(0.0) for bar, _ in linkage.legs
     )
     hub, reach = linkage.legs[0][1], legs[0].high
-    rod_end = pins.get(hub, still) + Interval(np.full(3, -reach), np.full(3, reach))
+    rod_end = pins.get(hub, unmoved) + Interval(np.full(3, -reach), np.full(3, reach))
     span = (
         rod_end
-        - pins.get("base", still)
+        - pins.get("base", unmoved)
         + (np.array(_hub(linkage).at) - np.array(linkage.base.at))
     )
     closed = span.square().sum(axis=0).sqrt()

@@ -89,10 +89,10 @@ def _directions(box: Array, near: Array, far: Array) -> tuple[float, Array, Arra
     for distance in (near, far):
         for axis in (0, 1):
             for edge in box[:, axis]:
-                rest = np.sqrt(np.maximum(distance**2 - edge**2, 0.0))[:, None] * [-1.0, 1.0]
-                across = np.full_like(rest, edge)
-                points.append(np.stack([across, rest] if axis == 0 else [rest, across], axis=2))
-                inside = (rest >= low[1 - axis] - TOUCH) & (rest <= high[1 - axis] + TOUCH)
+                along = np.sqrt(np.maximum(distance**2 - edge**2, 0.0))[:, None] * [-1.0, 1.0]
+                across = np.full_like(along, edge)
+                points.append(np.stack([across, along] if axis == 0 else [along, across], axis=2))
+                inside = (along >= low[1 - axis] - TOUCH) & (along <= high[1 - axis] + TOUCH)
                 allowed.append(inside & (distance[:, None] >= abs(edge) - TOUCH))
     corners, allowed_all = np.concatenate(points, axis=1), np.concatenate(allowed, axis=1)
     angle = _wrapped(np.arctan2(corners[..., 1], corners[..., 0]) - centre)

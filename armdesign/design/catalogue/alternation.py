@@ -40,9 +40,9 @@ def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, SizeSelectio
         InfeasibleError: no combination meets the requirements.
     """
     refuse_fixed_sizes(problem)
-    selection = _best_sizes(problem, problem.vector.start, sizes)
-    search = _search_with(problem, problem.vector.start, selection.sizes).run(trust=0.02, looks=1)
-    return search, selection
+    best_sizes = _best_sizes(problem, problem.vector.start, sizes)
+    search = _search_with(problem, problem.vector.start, best_sizes.sizes).run(trust=0.02, looks=1)
+    return search, best_sizes
 
 
 def sizes_and_pins(
@@ -116,8 +116,8 @@ def with_sizes(
     if start and _in_catalogue(problem, start[1], sizes):
         searches.append(run_to_end(_search_with(problem, *start), trust=0.1))
     try:
-        selection = _best_sizes(problem, problem.vector.start, sizes)
-        of_today = _search_with(problem, problem.vector.start, selection.sizes)
+        best_sizes = _best_sizes(problem, problem.vector.start, sizes)
+        of_today = _search_with(problem, problem.vector.start, best_sizes.sizes)
         searches.append(run_to_end(of_today, trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
@@ -217,12 +217,12 @@ def _alternate(search: Search, sizes: Sizes) -> Search:
     """Sizes chosen anew for the pins and pins tuned for these sizes, until neither changes."""
     for _ in range(TURNS):
         try:
-            selection = _best_sizes(search.problem, search.x, sizes)
+            best_sizes = _best_sizes(search.problem, search.x, sizes)
         except InfeasibleError:  # by less than the search lets pass
             break
-        if selection.sizes == search.problem.sizes:
+        if best_sizes.sizes == search.problem.sizes:
             break
-        other = run_to_end(_search_with(search.problem, search.x, selection.sizes), trust=0.1)
+        other = run_to_end(_search_with(search.problem, search.x, best_sizes.sizes), trust=0.1)
         if other.rank <= search.rank:
             break
         search = other

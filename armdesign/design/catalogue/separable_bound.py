@@ -37,7 +37,7 @@ class ScaledPoses:
     extension: Array  # of every cylinder (n, nc) [m]
     force: Array  # static forces (n, nc) [N]
     arm: Array  # L⁻¹r (n, nc, nq)
-    rest: Array  # L⁻¹K_0 L⁻ᵀ (n, nq, nq), all stiffness but the cylinders' oil
+    without_oil: Array  # L⁻¹K_0 L⁻ᵀ (n, nq, nq), all stiffness but the cylinders' oil
     lowest: Array  # lowest ω² with today's sizes (n,)
 
     def __getitem__(self, rows: Array) -> ScaledPoses:
@@ -53,7 +53,8 @@ class ScaledPoses:
 
     def lowest_with(self, oil: Array) -> Array:
         """Lowest eigenvalue of K_0 + Σ k r rᵀ with oil stiffnesses (nc, …, n)."""
-        matrix = np.broadcast_to(self.rest, (*oil.shape[1:], *self.rest.shape[1:])).copy()
+        shape = *oil.shape[1:], *self.without_oil.shape[1:]
+        matrix = np.broadcast_to(self.without_oil, shape).copy()
         for i, k in enumerate(oil):
             matrix += k[..., None, None] * np.einsum("na,nb->nab", self.arm[:, i], self.arm[:, i])
         matrix[~np.isfinite(matrix).all(axis=(-2, -1))] = 0.0
@@ -95,7 +96,7 @@ def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]
                 extension=poses.lengths[:, :nc] - closed,
                 force=poses.cylinder_forces[:, :nc],
                 arm=arms @ turned,
-                rest=congruent(inverse, poses.stiffness_matrix - of_oil),
+                without_oil=congruent(inverse, poses.stiffness_matrix - of_oil),
                 lowest=np.linalg.eigvalsh(congruent(inverse, poses.stiffness_matrix))[:, 0],
             )
             parts.append(part)
@@ -103,8 +104,10 @@ def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]
     for part in parts[1:]:
         whole = whole.joined(part)
     reference = float(max(whole.lowest.min(), 0.01 * np.median(np.abs(whole.lowest))))
-    arm, rest = whole.arm / math.sqrt(reference), whole.rest / reference
-    return replace(whole, arm=arm, rest=rest, lowest=whole.lowest / reference), reference
+    arm, without_oil = whole.arm / math.sqrt(reference), whole.without_oil / reference
+    return replace(
+        whole, arm=arm, without_oil=without_oil, lowest=whole.lowest / reference
+    ), reference
 
 
 ROWS = 16  # poses in one programme
@@ -157,7 +160,7 @@ class _Mixtures:
         rows = np.argsort(poses.lowest)[:: max(1, min(WATCHED, len(poses)) // ROWS)][:ROWS]
         rows = np.resize(rows, ROWS)  # a programme has one shape: a pose may stand in it twice
         columns = [np.unique(np.linspace(0, len(k) - 1, COLUMNS).astype(int)) for k in oil]
-        even = np.broadcast_to(np.eye(poses.rest.shape[1]), poses.rest[rows].shape)
+        even = np.broadcast_to(np.eye(poses.without_oil.shape[1]), poses.without_oil[rows].shape)
         even = even / np.trace(even, axis1=1, axis2=2).sum()
         best = self._bound(even, np.zeros(len(self._allowed.slack)), rows)
         mattered = {int(row) for row in rows}
@@ -184,7 +187,7 @@ class _Mixtures:
         """Multipliers Z of poses, y of shared requirements, and the best mixture of sizes."""
         poses, allowed = self._poses, self._allowed
         nc, m = len(columns), len(allowed.slack)
-        slopes = np.zeros((nc * COLUMNS, ROWS, *poses.rest.shape[1:]))
+        slopes = np.zeros((nc * COLUMNS, ROWS, *poses.without_oil.shape[1:]))
         jacobian, high = np.zeros((m + 2 * nc, nc * COLUMNS)), np.zeros(nc * COLUMNS)
         arm = poses.arm[rows]
         for i, sizes in enumerate(columns):
@@ -194,8 +197,8 @@ class _Mixtures:
             jacobian[:m, at] = allowed.changes[i][sizes].T
             jacobian[m + i, at], jacobian[m + nc + i, at], high[at] = -1.0, 1.0, 1.0
         value = np.concatenate([allowed.slack, np.ones(nc), -np.ones(nc)])
-        step = programme(ROWS, poses.rest.shape[1], len(value), len(high)).solve(
-            poses.rest[rows], slopes, value, jacobian, np.zeros(len(high)), high
+        step = programme(ROWS, poses.without_oil.shape[1], len(value), len(high)).solve(
+            poses.without_oil[rows], slopes, value, jacobian, np.zeros(len(high)), high
         )
         parts = [step.change[i * COLUMNS : i * COLUMNS + len(c)] for i, c in enumerate(columns)]
         mixture = [
@@ -208,7 +211,7 @@ class _Mixtures:
         poses, allowed = self._poses, self._allowed
         arm = poses.arm[rows]
         per_stiffness = np.einsum("nca,nab,ncb->cn", arm, weights, arm)
-        constant = np.einsum("nab,nab->", weights, poses.rest[rows]) + y @ allowed.slack
+        constant = np.einsum("nab,nab->", weights, poses.without_oil[rows]) + y @ allowed.slack
         by_size = [
             k[:, rows] @ p + change @ y
             for k, p, change in zip(self._oil, per_stiffness, allowed.changes, strict=True)

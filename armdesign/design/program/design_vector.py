@@ -244,7 +244,7 @@ class DesignVector:
     @cached_property
     def bare(self) -> Machine:
         """Today's machine without the masses that depend on x."""
-        return self.machine if self.moving_masses is None else self.moving_masses.rest
+        return self.machine if self.moving_masses is None else self.moving_masses.without_bars
 
     def with_pins(self, x: Array) -> Machine:
         """Today's machine and sizes with pins, bars, lengths, strokes and masses of x."""

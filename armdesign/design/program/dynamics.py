@@ -56,8 +56,8 @@ class Rows:
 
     With the load, without masses that depend on x; ∂g/∂q holds springs too, which no x changes.
     A load case at another corner of the bands is another one: ``payload`` counts on, and
-    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is; ``growth`` (n, nx) is that
-    of the emphasis with x, (n, 0) where there is none: see ``corners.py``.
+    ``corner`` (n,) is its index. M is ``weight`` (n,) times what it is; ``growth`` (n, nx) is
+    the growth of the emphasis with x, (n, 0) where there is none: see ``corners.py``.
     """
 
     pose: Array
@@ -265,8 +265,8 @@ class Dynamics:
         lower = self._fixed_inverse_cholesky
         arm, turned = g.arm[pose], np.swapaxes(lower, 1, 2)
         forces = self.static_forces(arm, self.rows.gravity, self.vector.areas_today)
-        rest = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
-        return FixedPins(g.length[pose], forces, arm @ turned, congruent(lower, rest))
+        fixed_stiffness = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
+        return FixedPins(g.length[pose], forces, arm @ turned, congruent(lower, fixed_stiffness))
 
     def _geometry(self, x: Array, poses: Array) -> Geometry:
         """Geometry at some of the workspace's poses."""

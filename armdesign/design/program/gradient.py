@@ -157,8 +157,8 @@ class SteppedDesign:
                 linkage, length = self._stepped_linkage(i, index), closed[index, i]
                 moved = moving.masses_of(i, self.areas[index, i], length, linkage)
                 after = summed(moved, moving.units_of(i, linkage, length, rigid))
-                still = units[0][own], units[1][own], units[2][own]
-                before = summed(masses[index, own], still)
+                unmoved = units[0][own], units[1][own], units[2][own]
+                before = summed(masses[index, own], unmoved)
                 for part, new, old in zip(total, after, before, strict=True):
                     part[index] += new - old
         return total

@@ -74,7 +74,7 @@ class MovingMasses:
     bars: Mapping[int, Sequence[str]]
 
     @property
-    def rest(self) -> Machine:
+    def without_bars(self) -> Machine:
         """The machine without these bars."""
         cylinders = list(self.machine.cylinders)
         for i, names in self.bars.items():

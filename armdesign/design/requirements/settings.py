@@ -113,9 +113,9 @@ class Requirements(
     def _field(self, path: str) -> tuple[str, Stated, str]:
         """The field whose key a path begins with, how it is stated, and the rest of the path."""
         matches = [
-            (name, how, rest)
+            (name, how, subkey)
             for name, how in self._stated().items()
-            if (rest := how.rest(path)) is not None
+            if (subkey := how.subkey(path)) is not None
         ]
         return max(matches, key=lambda each: len(each[1].key))
 
@@ -125,13 +125,13 @@ class Requirements(
         ``thrust_share.NAME`` is the share of one actuator, its own or the common one. 1 for
         ``speed.NAME``: see ``with_setting``.
         """
-        name, how, rest = self._field(path)
-        return how.number(getattr(self, name), rest)
+        name, how, subkey = self._field(path)
+        return how.number(getattr(self, name), subkey)
 
     def stated_at(self, path: str) -> str:
         """Key of the number at a key path: the common one where an actuator has no own number."""
-        name, how, rest = self._field(path)
-        return how.key if rest and not how.own(getattr(self, name), rest) else path
+        name, how, subkey = self._field(path)
+        return how.key if subkey and not how.own(getattr(self, name), subkey) else path
 
     def with_setting(self, path: str, value: float) -> Requirements:
         """The requirements with a number changed by its key, in that key's unit.
@@ -139,8 +139,8 @@ class Requirements(
         ``thrust_share.NAME`` changes the share of one actuator alone.
         ``speed.NAME`` stands for all speeds of a motion; ``value`` is then a factor on them.
         """
-        name, how, rest = self._field(path)
-        change: dict[str, Any] = {name: how.changed(getattr(self, name), rest, value)}
+        name, how, subkey = self._field(path)
+        change: dict[str, Any] = {name: how.changed(getattr(self, name), subkey, value)}
         return replace(self, **change)
 
     def granting(self, conflict: Iterable[Concession]) -> Requirements:

@@ -61,14 +61,14 @@ class Stated:
 
     key: str
     read: Callable[[Machine], Any]
-    number: Callable[[Any, str], float] = lambda value, rest: float(value)
-    changed: Callable[[Any, str, float], Any] = lambda value, rest, number: number
+    number: Callable[[Any, str], float] = lambda value, subkey: float(value)
+    changed: Callable[[Any, str, float], Any] = lambda value, subkey, number: number
     names: Callable[[Any, Machine], Names] = lambda value, machine: iter(())
     check: Callable[[Any], None] = lambda value: None
     completed: Callable[[Any], Any] = lambda value: value
-    own: Callable[[Any, str], str] = lambda value, rest: rest
+    own: Callable[[Any, str], str] = lambda value, subkey: subkey
 
-    def rest(self, path: str) -> str | None:
+    def subkey(self, path: str) -> str | None:
         """Rest of a key path after the key; None where the path is not below the key."""
         return path.removeprefix(self.key)[1:] if f"{path}.".startswith(f"{self.key}.") else None
 
@@ -189,16 +189,16 @@ def entries(
         every_entry = (read(machine, name, section) for name, section in sections.items())
         return tuple(entry for entry in every_entry if entry is not None)
 
-    def is_of(entry: Any, rest: str) -> bool:
-        return bool(getattr(entry, label) == rest.removesuffix(f".{key}"))
+    def is_of(entry: Any, subkey: str) -> bool:
+        return bool(getattr(entry, label) == subkey.removesuffix(f".{key}"))
 
-    def asked(values: Any, rest: str) -> float:
-        entry = next(entry for entry in values if is_of(entry, rest))
+    def number_of(values: Any, subkey: str) -> float:
+        entry = next(entry for entry in values if is_of(entry, subkey))
         return float(getattr(entry, attribute) / unit)
 
-    def changed(values: Any, rest: str, new: float) -> tuple[Any, ...]:
+    def changed(values: Any, subkey: str, new: float) -> tuple[Any, ...]:
         return tuple(
-            replace(entry, **{attribute: new * unit}) if is_of(entry, rest) else entry
+            replace(entry, **{attribute: new * unit}) if is_of(entry, subkey) else entry
             for entry in values
         )
 
@@ -209,7 +209,7 @@ def entries(
     how = Stated(
         key=table,
         read=every,
-        number=asked,
+        number=number_of,
         changed=changed,
         names=lambda values, machine: (each for entry in values for each in names(entry, machine)),
         check=check_all,

@@ -182,14 +182,14 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
     Four-bars have several optima, each with moment arms of its own shape, see ``arm_shapes``.
     """
     problem = best.problem
-    shapes = [
+    starts = [
         (np.array(list(problem.vector.moves(i))), x)
         for i in problem.vector.moving
         if problem.vector.moved_within(i)
         for x in linkages_of_every_shape(problem, i, SHAPES)
     ]
-    while shapes:
-        rough = [Search(problem=problem, x=_with(best.x, x, entries)) for entries, x in shapes]
+    while starts:
+        rough = [Search(problem=problem, x=_with(best.x, x, entries)) for entries, x in starts]
         other = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
         if other.merit > best.merit + BETTER:
             other = follow(other, curved=True, **TO_THE_END)

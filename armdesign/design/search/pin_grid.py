@@ -105,8 +105,8 @@ def _integer_step(model: Linearised, offset: Array, grid: DesignGrid) -> Array:
     for _ in range(CUTS):
         constant = np.einsum("nki,nij,nkj->nk", directions, base, directions).ravel()
         slope = np.einsum("nki,vnij,nkj->nkv", directions, slopes, directions).reshape(-1, count)
-        rest = np.hstack([-np.ones((len(slope), 1)), np.zeros((len(slope), m))])
-        rows = np.concatenate([rows, np.hstack([slope, rest])])
+        further_columns = np.hstack([-np.ones((len(slope), 1)), np.zeros((len(slope), m))])
+        rows = np.concatenate([rows, np.hstack([slope, further_columns])])
         bounds_of_rows = np.concatenate([bounds_of_rows, -constant])
         answer = milp(
             np.concatenate([np.zeros(count), [-1.0], np.full(m, PENALTY)]),

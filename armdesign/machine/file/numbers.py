@@ -147,9 +147,9 @@ def with_values(section: MachineSection, values: Mapping[Location, Any]) -> Mach
 def _with(node: Any, location: Location, value: Any) -> Any:
     if not location:
         return value
-    key, *rest = location
+    key, *deeper = location
     if isinstance(node, Section):
-        return node.model_copy(update={key: _with(getattr(node, key), tuple(rest), value)})
+        return node.model_copy(update={key: _with(getattr(node, key), tuple(deeper), value)})
     if isinstance(node, Mapping):
-        return {**node, key: _with(node[key], tuple(rest), value)}
-    return [_with(item, tuple(rest), value) if i == key else item for i, item in enumerate(node)]
+        return {**node, key: _with(node[key], tuple(deeper), value)}
+    return [_with(item, tuple(deeper), value) if i == key else item for i, item in enumerate(node)]

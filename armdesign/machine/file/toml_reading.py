@@ -221,7 +221,7 @@ class KeyLines:
 
     def __init__(self, text: str) -> None:
         self._text = text
-        self._found: dict[Keys, KeyLine] = {}
+        self._lines: dict[Keys, KeyLine] = {}
 
     @cached_property
     def by_path(self) -> dict[str, KeyLine]:
@@ -237,7 +237,7 @@ class KeyLines:
             else:
                 at = self._pair(table, at)
             at = self._past_space(at)
-        return {".".join(keys): place for keys, place in self._found.items()}
+        return {".".join(keys): place for keys, place in self._lines.items()}
 
     def line_of(self, path: str) -> int | None:
         """Line of a key path, or of the nearest table above it in the text; None if neither."""
@@ -257,8 +257,8 @@ class KeyLines:
         """Note a key that stands at ``at``, and the tables that it makes."""
         line = bisect.bisect_left(self._line_ends, at) + 1
         for depth in range(1, len(keys)):
-            self._found.setdefault(keys[:depth], KeyLine(line, ""))
-        self._found[keys] = KeyLine(line, written)
+            self._lines.setdefault(keys[:depth], KeyLine(line, ""))
+        self._lines[keys] = KeyLine(line, written)
 
     def _past_space(self, at: int) -> int:
         match = _SPACE.match(self._text, at)

@@ -13,5 +13,5 @@ def joined_keys(table: Any) -> Any:
     for key, value in table.items():
         inner = joined_keys(value)
         pairs = inner.items() if isinstance(inner, dict) else [("", inner)]
-        joined |= {f"{key}.{rest}" if rest else key: item for rest, item in pairs}
+        joined |= {f"{key}.{subkey}" if subkey else key: item for subkey, item in pairs}
     return joined

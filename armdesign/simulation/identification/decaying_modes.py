@@ -255,15 +255,15 @@ def _with_covariance(
     )
     both = np.concatenate([order, len(roots) + order])
     levels = np.sqrt(np.tile(_levels(roots, noise, now, slopes, variance), 2))
-    rest = signals - (np.exp(roots * np.arange(length)[:, None]) @ now.shapes).real
-    left = detrended(rest, noise.trend)
+    residual = signals - (np.exp(roots * np.arange(length)[:, None]) @ now.shapes).real
+    left = detrended(residual, noise.trend)
     logarithms = np.log(np.maximum(variance, 1e-300)).sum()
     unknowns = len(noise.colour) + len(roots) * (2 + 2 * signals.shape[1])
     return Refined(
         roots=roots[order],
         shapes=now.shapes[order],
         left=left,
-        slow=rest - left,
+        slow=residual - left,
         covariance=(gain @ gain.T * np.outer(levels, levels))[np.ix_(both, both)],
         noise=noise,
         variance=variance,
@@ -275,7 +275,7 @@ def _with_covariance(
 
 
 def _levels(roots: Array, noise: Noise, now: BestShapes, slopes: Array, variance: Array) -> Array:
-    """Variance of what is left about the frequency of each mode, over that of the whole (m,).
+    """Variance of what is left about the frequency of each mode over the whole variance (m,).
 
     What a mode may be off by depends on the noise near its own frequency alone, where few
     parameters of a colour may miss it. The lines ``AROUND`` it measure that, freed of

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
@@ -72,6 +73,7 @@ class FrequencyResponse(ReadOnly):
         )
 
 
+@checked
 def frequency_response(
     time: ArrayLike,
     excitation: ArrayLike,

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
@@ -40,7 +41,7 @@ from armdesign.simulation.identification.residual_terms import (
     weights_of,
 )
 
-# degrees of B and E above those of a sum of modes: what modes outside the band and slow leaks add
+# degrees of B and E beyond a sum of modes: what modes outside the band and slow leaks add
 SPARE = 3
 ROUNDS = 12  # of reweighting by 1/A of the round before (Sanathanan & Koerner 1963)
 LEAST_EQUATIONS = 2  # per unknown
@@ -93,6 +94,7 @@ class ModalFit(ReadOnly):
         return plots.modal_fit(self)
 
 
+@checked
 def identify_forced_response(
     time: ArrayLike,
     excitation: ArrayLike,
@@ -147,6 +149,7 @@ def identify_forced_response(
     return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part, noise)
 
 
+@checked
 def identify_frequency_response(
     frequency: ArrayLike,
     response: ArrayLike,
@@ -176,8 +179,12 @@ def identify_frequency_response(
         >>> print(fit.natural_frequencies.round(3), fit.damping_ratios.round(3))
         [1.] [0.05]
     """
-    lines, measured = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
-    sigma = np.ones(len(lines)) if deviations is None else np.asarray(deviations, dtype=float)
+    try:
+        lines, measured = np.asarray(frequency, dtype=float), np.asarray(response, dtype=complex)
+        given = np.ones(lines.shape) if deviations is None else deviations
+        sigma = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise SimulationError(part, "holds what is no number", "leave such values out") from None
     if not (lines.ndim == 1 and lines.shape == measured.shape == sigma.shape):
         fault = f"shapes {lines.shape}, {measured.shape} and {sigma.shape} differ"
         raise SimulationError(part, fault, "give one response and deviation per line")

@@ -60,10 +60,10 @@ class PressureRatio:
     def verdict(self) -> str:
         """State of the oil by the swings, in words."""
         if not all(self.swings):
-            still, other = SIDES[::-1] if self.swings[0] else SIDES
+            constant, other = SIDES[::-1] if self.swings[0] else SIDES
             return (
-                f"the {still} pressure does not swing with the {other} pressure: that chamber is"
-                " open or runs empty, so its oil is no spring"
+                f"the {constant} pressure does not swing with the {other} pressure: that chamber"
+                " is open or runs empty, so its oil is no spring"
             )
         if abs(self.phase - 180) > OPPOSITE:
             return "cap and annulus pressure do not swing against each other, as trapped oil does"

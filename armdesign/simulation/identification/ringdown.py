@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
@@ -103,6 +104,7 @@ class Ringdown(ReadOnly):
         return plots.ringdown(self)
 
 
+@checked
 def identify_ringdown(
     time: ArrayLike,
     response: ArrayLike,

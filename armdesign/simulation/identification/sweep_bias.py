@@ -69,7 +69,7 @@ def _row(periods: float, zeta: float) -> dict[str, float]:
     return {"periods": periods, "damping": zeta, **deviations}
 
 
-def _answer(zeta: float, time: Array, asked: Array) -> Array:
+def _answer(zeta: float, time: Array, command: Array) -> Array:
     """Position and speed (2, n) of an oscillator of 1 Hz."""
     from scipy.signal import StateSpace, lsim
 
@@ -77,7 +77,7 @@ def _answer(zeta: float, time: Array, asked: Array) -> Array:
     system = StateSpace(
         [[0, 1], [-(omega**2), -2 * zeta * omega]], [[0], [omega**2]], np.eye(2), np.zeros((2, 1))
     )
-    return np.asarray(lsim(system, asked, time)[1].T)
+    return np.asarray(lsim(system, command, time)[1].T)
 
 
 def _peak(time: Array, answer: Array) -> float:

@@ -77,10 +77,10 @@ class ForwardDynamics:
         Of the links by Pinocchio, of the bars by a complex step, exact to rounding.
         """
         (model, data), (n, k) = self._pairs[0], q.shape
-        by_place, by_speed, still = np.empty((n, k, k)), np.empty((n, k, k)), np.zeros(k)
+        by_place, by_speed, no_acceleration = np.empty((n, k, k)), np.empty((n, k, k)), np.zeros(k)
         states = zip(self._ordered(q), self._ordered(velocity), strict=True)
         for row, (at, speed) in enumerate(states):
-            self._library.computeRNEADerivatives(model, data, at, speed, still)
+            self._library.computeRNEADerivatives(model, data, at, speed, no_acceleration)
             by_place[row], by_speed[row] = data.dtau_dq, data.dtau_dv
         pick = np.ix_(np.arange(n), self._order, self._order)
         by_place, by_speed = by_place[pick], by_speed[pick]

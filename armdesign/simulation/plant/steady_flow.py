@@ -136,8 +136,8 @@ class _Line:
 
     def _numbers(self, cap: Array) -> Array:
         """Numbers of the ports (n, nc, NUMBERS); lengths and their rates do not count."""
-        still, line = np.zeros_like(cap), np.broadcast_to(self._load.supply, cap.shape)
-        return np.stack([still, still, cap, self.annulus(cap), self._spool, line], axis=-1)
+        zero, line = np.zeros_like(cap), np.broadcast_to(self._load.supply, cap.shape)
+        return np.stack([zero, zero, cap, self.annulus(cap), self._spool, line], axis=-1)
 
     def _flows(
         self, numbers: list[slopes.Slope]

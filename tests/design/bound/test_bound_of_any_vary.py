@@ -100,14 +100,14 @@ def holds(problem: Problem) -> float | None:
     none is known.
     """
     search = roughly_solved(problem)
-    found = upper_bound(problem, search.x, search.rows)
-    if found is None:
+    bound = upper_bound(problem, search.x, search.rows)
+    if bound is None:
         return None
-    assert found.refused == ""
-    assert not math.isnan(found.frequency)
+    assert bound.refused == ""
+    assert not math.isnan(bound.frequency)
     value = hertz(search.squared) if search.violation <= 1e-5 else 0.0
-    assert found.frequency >= max(value, best_of_random(problem, search.x))
-    return found.frequency / value - 1 if value else None
+    assert bound.frequency >= max(value, best_of_random(problem, search.x))
+    return bound.frequency / value - 1 if value else None
 
 
 @pytest.fixture
@@ -157,13 +157,13 @@ def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
             ["cylinder.lift.bore_mm", "cylinder.lift.rod_mm"],
         )
     )
-    found, wide = (upper_bound(search.problem, search.x, search.rows) for search in (own, both))
-    assert found is not None
+    near, wide = (upper_bound(search.problem, search.x, search.rows) for search in (own, both))
+    assert near is not None
     assert wide is not None
-    assert found.held == ()
+    assert near.held == ()
     # measured, rounded up
-    assert hertz(own.squared) <= found.frequency < hertz(own.squared) * 1.05
-    assert found.frequency**2 <= wide.frequency**2 * (1 + regions.ENOUGH) ** 2
+    assert hertz(own.squared) <= near.frequency < hertz(own.squared) * 1.05
+    assert near.frequency**2 <= wide.frequency**2 * (1 + regions.ENOUGH) ** 2
 
 
 def test_a_bore_alone_leaves_an_annulus() -> None:
@@ -206,21 +206,21 @@ def test_no_share_at_all_is_no_proof() -> None:
 
 def test_a_bound_below_a_design_is_refused() -> None:
     """By more than rounding; else it is raised to the design: a larger bound still holds."""
-    found = Bound(frequency=1.2, held=(), assumptions=())
-    assert found.above(1.1) == found
-    assert found.above(1.2 * (1 + 1e-6)).frequency == 1.2 * (1 + 1e-6)
-    refused = found.above(1.3)
+    bound = Bound(frequency=1.2, held=(), assumptions=())
+    assert bound.above(1.1) == bound
+    assert bound.above(1.2 * (1 + 1e-6)).frequency == 1.2 * (1 + 1e-6)
+    refused = bound.above(1.3)
     assert refused.frequency == math.inf
     assert "1.200 Hz" in refused.refused
     assert "1.300 Hz" in refused.refused
-    assert replace(found, frequency=math.nan).above(1.0).frequency == math.inf
+    assert replace(bound, frequency=math.nan).above(1.0).frequency == math.inf
 
 
 def test_a_bound_that_says_nothing_is_not_stated() -> None:
     """More than twice what a design reaches; the reason names the cylinders taken as rigid."""
-    found = Bound(frequency=2.1, held=("lift",), assumptions=())
-    assert found.useful(1.1) == found
-    far = found.useful(1.0)
+    bound = Bound(frequency=2.1, held=("lift",), assumptions=())
+    assert bound.useful(1.1) == bound
+    far = bound.useful(1.0)
     assert far.frequency == math.inf
     assert "2.1 Hz with the lift cylinder rigid" in far.refused
     assert far.useful(1.0) == far

@@ -37,9 +37,9 @@ def finished(name: str) -> Search:
 
 
 def bound_of(search: Search) -> float:
-    found = upper_bound(search.problem, search.x, search.rows)
-    assert found is not None
-    return found.frequency
+    bound = upper_bound(search.problem, search.x, search.rows)
+    assert bound is not None
+    return bound.frequency
 
 
 def feasible_designs(
@@ -51,7 +51,7 @@ def feasible_designs(
     random = np.random.default_rng(seed)
     low, high = problem.bounds
     pins = np.array([v.pin is not None for v in problem.vector.variables])
-    found: list[np.ndarray] = []
+    feasible: list[np.ndarray] = []
     for _ in range(200 * count):
         x = np.where(
             pins,
@@ -59,13 +59,13 @@ def feasible_designs(
             random.uniform(0.8, 1.1, len(low)),
         )
         at = constraints_at(problem, x)
-        mine = np.array([name.endswith(own) for name in at.names])
-        if at.values[mine].min() >= 0:
-            found.append(x)
-        if len(found) == count:
+        own_rows = np.array([name.endswith(own) for name in at.names])
+        if at.values[own_rows].min() >= 0:
+            feasible.append(x)
+        if len(feasible) == count:
             break
-    assert len(found) >= count / 3
-    return found
+    assert len(feasible) >= count / 3
+    return feasible
 
 
 # -------------------------------------------------------------------------------- shipped machines
@@ -154,17 +154,17 @@ def test_no_random_design_exceeds_the_bound_of_gains() -> None:
     """Over a band of structure from rigid: above all designs, and not above what one end says."""
     problem = problem_of("double", bands=Bands(structure=(0.0, 1.0)), gain=True)
     search = solved(problem, 1e-5)
-    found = certificate.bound_of(problem, search.x, search.rows)
-    assert found is not None
+    own_bound = certificate.bound_of(problem, search.x, search.rows)
+    assert own_bound is not None
     reached = [
         hertz(problem.dynamics.omega_squared(x).min()) for x in feasible_designs(problem, 40)
     ]
-    assert max([*reached, hertz(search.squared)]) <= found.frequency
+    assert max([*reached, hertz(search.squared)]) <= own_bound.frequency
     for k, weight in enumerate(problem.dynamics.corners.weights):
         end = problem.at_corner(k)
         alone = upper_bound(end, search.x, np.arange(len(end.dynamics.rows)))
         assert alone is not None
-        assert found.frequency**2 <= alone.frequency**2 / weight * (1 + TOLERANCE)
+        assert own_bound.frequency**2 <= alone.frequency**2 / weight * (1 + TOLERANCE)
 
 
 @pytest.mark.slow
@@ -215,8 +215,8 @@ def test_branching_against_dense_sampling(name: str) -> None:
     problem = search.problem
     dual = LagrangianDual.start(problem, joint_drives(problem), search.x, search.rows)
     multipliers = dual.converged()
-    found = dual.maxima(multipliers, COARSE)
-    for k, (drive, most) in enumerate(zip(dual.drives, found, strict=True)):
+    maxima = dual.maxima(multipliers, COARSE)
+    for k, (drive, most) in enumerate(zip(dual.drives, maxima, strict=True)):
         assert most.value <= most.upper <= most.value + COARSE
         own = f".{problem.machine.cylinders[drive.cylinder].name}"
         values = []
@@ -300,11 +300,11 @@ def test_a_cylinder_of_unknown_shape_is_taken_as_rigid() -> None:
         vary=("areas", "pins"),
     )
     search = solved(problem, 1e-5)
-    found = upper_bound(problem, search.x, search.rows)
-    assert found is not None
-    assert found.held == ("lift",)
-    assert "the lift cylinder rigid" in found.assumptions
-    assert found.frequency >= hertz(search.squared)
+    bound = upper_bound(problem, search.x, search.rows)
+    assert bound is not None
+    assert bound.held == ("lift",)
+    assert "the lift cylinder rigid" in bound.assumptions
+    assert bound.frequency >= hertz(search.squared)
 
 
 @pytest.mark.slow
@@ -312,8 +312,8 @@ def test_no_bound_where_joints_are_shared() -> None:
     """Several cylinders on every joint share its load."""
     single, machine = problem_of("single"), redundant()
     workspace = Workspace.grid(machine, points=[4] * len(machine.joints))
-    asked = {"workspace": workspace, "requirements": Requirements.of(machine)}
-    problem = Problem.of(machine=machine, **asked, vary=("areas", "pins"))
+    given = {"workspace": workspace, "requirements": Requirements.of(machine)}
+    problem = Problem.of(machine=machine, **given, vary=("areas", "pins"))
     assert (
         upper_bound(problem, problem.vector.start, np.arange(len(problem.dynamics.rows))) is None
     )
@@ -330,20 +330,20 @@ def test_structure_lowers_the_bound_too(vary: tuple[str, ...]) -> None:
 
     The latter is the limit of a rigid oil: k = 1/c, of which only moment arms count.
     """
-    requirements, found = Requirements.of(build([BOOM], [LIFT])), {}
+    requirements, bounds = Requirements.of(build([BOOM], [LIFT])), {}
     for soft in (0.0, 1e-8, 1e-6):
         extra = f"compliance_m_per_N = {soft}" if soft else ""
         machine = build([BOOM], [replace(LIFT, extra=extra)])
         problem = Problem.of(machine, workspace_of("single"), requirements, vary)
         search = solved(problem, 1e-5)
-        found[soft] = bound_of(search)
+        bounds[soft] = bound_of(search)
         reached = [
             hertz(problem.dynamics.omega_squared(x).min()) for x in feasible_designs(problem, 20)
         ]
-        assert max([*reached, hertz(search.squared)]) <= found[soft]
+        assert max([*reached, hertz(search.squared)]) <= bounds[soft]
         # measured, rounded up
-        assert found[soft] < hertz(search.squared) * 1.02
-    assert found[1e-6] < found[1e-8] < found[0.0] * 0.99
+        assert bounds[soft] < hertz(search.squared) * 1.02
+    assert bounds[1e-6] < bounds[1e-8] < bounds[0.0] * 0.99
 
 
 @pytest.mark.slow
@@ -359,18 +359,18 @@ def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None
         machine=machine, workspace=workspace_of("single"), requirements=requirements, vary=vary
     )
     search = solved(problem, 1e-5)
-    found = upper_bound(problem, search.x, search.rows)
-    assert found is not None
+    bound = upper_bound(problem, search.x, search.rows)
+    assert bound is not None
     reached = [
         hertz(problem.dynamics.omega_squared(x).min()) for x in feasible_designs(problem, 30)
     ]
-    assert max([*reached, hertz(search.squared)]) <= found.frequency
+    assert max([*reached, hertz(search.squared)]) <= bound.frequency
     # measured, rounded up: 10 % of it is duality's
-    assert found.frequency < hertz(search.squared) * 1.12
+    assert bound.frequency < hertz(search.squared) * 1.12
     airless = Problem.of(build([BOOM], [LIFT]), problem.workspace, requirements, vary)
     without = upper_bound(airless, search.x, search.rows)
     assert without is not None
-    assert found.frequency < without.frequency * 0.99
+    assert bound.frequency < without.frequency * 0.99
 
 
 def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:

@@ -90,10 +90,10 @@ def test_terms_hold_stiffness(
     volume, scale = area * stroke, np.abs(values).max()
     assert np.all(bounds(share, low, high, volume[None])[0] >= values - ROUNDING * scale)
     together = 1 if soft else 5
-    for choices, exact_ones in zip(
+    for volumes, exact_ones in zip(
         volume.reshape(-1, together, 2), values.reshape(-1, together), strict=True
     ):
-        none = bounds(share, at[None], at[None], choices[None])
+        none = bounds(share, at[None], at[None], volumes[None])
         np.testing.assert_allclose(none[0], exact_ones, atol=1e-8 * scale)
 
 
@@ -146,5 +146,7 @@ def test_slopes_of_a_term_are_its_derivatives(name: str, yields: bool) -> None:
 
     steps = 1e-5 * (shape.high - shape.low)
     slopes = [(value(at + step) - value(at - step)) / (2 * step.sum()) for step in np.diag(steps)]
-    found = share.slopes(shape.enclose(at[None], at[None]), volume, spring)[0][0]
-    np.testing.assert_allclose(found, np.abs(slopes).T, atol=1e-6 * np.abs(found).max())
+    slope_at_point = share.slopes(shape.enclose(at[None], at[None]), volume, spring)[0][0]
+    np.testing.assert_allclose(
+        slope_at_point, np.abs(slopes).T, atol=1e-6 * np.abs(slope_at_point).max()
+    )

@@ -31,11 +31,11 @@ AT = ({"boom": 0.25, "stick": -0.2}, {"boom": -0.25, "stick": 0.2})
 @cache
 def lifting(share: float = 0.95) -> Problem:
     """Two joints whose machine keeps a share of what it lifts today at two poses."""
-    asked = tuple(Lift(name=f"at_{k}", mass=1.0, joints=at) for k, at in enumerate(AT))
-    problem = problem_of("double", lifts=asked)
+    lifts = tuple(Lift(name=f"at_{k}", mass=1.0, joints=at) for k, at in enumerate(AT))
+    problem = problem_of("double", lifts=lifts)
     now = {e.name: e.value[0].real for e in evaluations_at(problem, problem.vector.start)}
-    masses = [float(now[f"lift.{lift.name}"].min()) * share for lift in asked]
-    kept = (replace(lift, mass=mass) for lift, mass in zip(asked, masses, strict=True))
+    masses = [float(now[f"lift.{lift.name}"].min()) * share for lift in lifts]
+    kept = (replace(lift, mass=mass) for lift, mass in zip(lifts, masses, strict=True))
     return problem_of("double", lifts=tuple(kept))
 
 
@@ -119,11 +119,11 @@ def test_of_several_poses_of_a_place_the_easiest_counts() -> None:
 
 def near_bound(search: Search, gap: float) -> Bound:
     """The bound of a search's problem, asserted to be near and above the search's end."""
-    found = upper_bound(search.problem, search.x, search.rows)
-    assert found is not None
-    assert found.refused == ""
-    assert hertz(search.squared) <= found.frequency < hertz(search.squared) * (1 + gap)
-    return found
+    bound = upper_bound(search.problem, search.x, search.rows)
+    assert bound is not None
+    assert bound.refused == ""
+    assert hertz(search.squared) <= bound.frequency < hertz(search.squared) * (1 + gap)
+    return bound
 
 
 @cache
@@ -152,11 +152,11 @@ def test_parallel_cylinders_and_motors_are_known(name: str) -> None:
     """
     problem = posed(parallel(), 5) if name == "parallel" else posed(named("rotator"), 3)
     search = solved(problem, 1e-4)
-    found = near_bound(search, 0.10)
-    assert found.held == (() if name == "parallel" else ("tilt",))
+    bound = near_bound(search, 0.10)
+    assert bound.held == (() if name == "parallel" else ("tilt",))
     for x in designs(problem, 500, 2):
         if constraints_at(problem, x).values.min() >= 0:
-            assert hertz(float(problem.dynamics.omega_squared(x).min())) <= found.frequency
+            assert hertz(float(problem.dynamics.omega_squared(x).min())) <= bound.frequency
 
 
 def test_a_joint_is_known_by_all_its_actuators() -> None:

@@ -82,10 +82,10 @@ def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
     """
     problem = posed(bars(name), ("areas", "pins"))
     search, random = solved(problem, 1e-5), np.random.default_rng(8)
-    found = upper_bound(problem, search.x, search.rows)
-    assert found is not None
-    assert "own masses in proportion to areas and lengths" in found.assumptions
-    assert hertz(search.squared) <= found.frequency < hertz(search.squared) * (1 + gap)
+    bound = upper_bound(problem, search.x, search.rows)
+    assert bound is not None
+    assert "own masses in proportion to areas and lengths" in bound.assumptions
+    assert hertz(search.squared) <= bound.frequency < hertz(search.squared) * (1 + gap)
     low, high = problem.bounds
     tried = 0
     for _ in range(600):
@@ -94,7 +94,7 @@ def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
             pin, random.uniform(low, high) * random.uniform(), random.uniform(0.8, 1.1, len(low))
         )
         if constraints_at(problem, x).values.min() >= 0:
-            assert hertz(problem.dynamics.omega_squared(x).min()) <= found.frequency
+            assert hertz(problem.dynamics.omega_squared(x).min()) <= bound.frequency
             tried += 1
     assert tried > 5
 
@@ -115,9 +115,9 @@ def test_no_random_design_exceeds_the_bound_of_a_heavy_four_bar_that_moves() -> 
     search = Search(problem=problem, x=problem.vector.start).run(
         trust=0.2, tolerance=0.02, looks=1
     )
-    found, random = upper_bound(problem, search.x, search.rows), np.random.default_rng(8)
-    assert found is not None
-    assert found.held == ("bucket",)
+    bound, random = upper_bound(problem, search.x, search.rows), np.random.default_rng(8)
+    assert bound is not None
+    assert bound.held == ("bucket",)
     reached = []
     pin = np.array([v.pin is not None for v in problem.vector.variables])
     for _ in range(60):
@@ -129,4 +129,4 @@ def test_no_random_design_exceeds_the_bound_of_a_heavy_four_bar_that_moves() -> 
             reached.append(hertz(problem.dynamics.omega_squared(x).min()))
     assert len(reached) > 3
     assert search.violation < 1e-3
-    assert max(reached) < hertz(search.squared) <= found.frequency < 1.25 * hertz(search.squared)
+    assert max(reached) < hertz(search.squared) <= bound.frequency < 1.25 * hertz(search.squared)

@@ -44,21 +44,22 @@ def enumerated(
     best = -math.inf
     cases = [machine.with_payload(p.name) for p in machine.payloads]
     for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
-        made = tuple(
+        cylinders = tuple(
             sized(c, *size, share) for c, size in zip(machine.cylinders, choice, strict=True)
         )
         if (
             min(
                 c.slack
-                for c in check(replace(machine, cylinders=made), machine, workspace, limits)
+                for c in check(replace(machine, cylinders=cylinders), machine, workspace, limits)
             )
             < -1e-9
         ):
             continue
-        if min(c.rod / c.bore for c in made) < stoutness:
+        if min(c.rod / c.bore for c in cylinders) < stoutness:
             continue
         held = [
-            (replace(c, cylinders=made), workspace.rigid[c.holds(workspace.rigid)]) for c in cases
+            (replace(c, cylinders=cylinders), workspace.rigid[c.holds(workspace.rigid)])
+            for c in cases
         ]
         worst = min(
             float(lowest_frequency(c.evaluate(rigid)).min()) for c, rigid in held if len(rigid) > 0

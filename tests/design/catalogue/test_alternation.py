@@ -31,11 +31,11 @@ def test_a_start_with_free_sizes_or_those_of_a_catalogue() -> None:
     machine, space = double(), workspace_of("double")
     first = ad.optimize(machine, space, starts=1)
     for start in (first, ad.optimize(machine, space, catalogue=AROUND, starts=1, start=first)):
-        found = ad.optimize(machine, space, catalogue=AROUND, starts=1, start=start)
-        assert {(round(c.bore, 9), round(c.rod, 9)) for c in found.machine.cylinders} <= {
+        design = ad.optimize(machine, space, catalogue=AROUND, starts=1, start=start)
+        assert {(round(c.bore, 9), round(c.rod, 9)) for c in design.machine.cylinders} <= {
             (round(bore, 9), round(rod, 9)) for bore, rod in AROUND
         }
-    assert found.unrounded >= start.unrounded * (1 - 1e-6)
+    assert design.unrounded >= start.unrounded * (1 - 1e-6)
 
 
 @pytest.mark.slow
@@ -229,37 +229,39 @@ def test_the_conflict_of_a_catalogue_against_enumeration(seed: int) -> None:
         oil_total_share=oil, oil_each_share=each, thrust_share=thrust, holding_share=0.5
     )
     pairs = itertools.product(sizes, repeat=2)
-    made = [
+    pairs_of_cylinders = [
         tuple(sized(c, *s) for c, s in zip(machine.cylinders, pair, strict=True)) for pair in pairs
     ]
-    areas = np.array([[[c.bore_area, c.annulus_area] for c in cylinders] for cylinders in made])
-    names, found = slacks(machine, areas, machine, space, limits, static_loads(machine, space))
+    areas = np.array(
+        [[[c.bore_area, c.annulus_area] for c in cylinders] for cylinders in pairs_of_cylinders]
+    )
+    names, slack = slacks(machine, areas, machine, space, limits, static_loads(machine, space))
     try:
         allowed_sizes(machine, machine, space, limits, sizes)
     except InfeasibleError as error:
         conflict = error.conflict
     else:
-        assert np.any(np.all(found >= 0, axis=1))
+        assert np.any(np.all(slack >= 0, axis=1))
         return
     assert conflict
     columns = [names.index(c.name) for c in conflict]
     allowed = np.full(len(names), -1e-9)  # least slack when all give what is said
     allowed[columns] -= [c.together / c.limit for c in conflict]
-    assert np.any(np.all(found >= allowed, axis=1))
+    assert np.any(np.all(slack >= allowed, axis=1))
     for column, c in zip(columns, conflict, strict=True):
         part = [names.index(other.name) for other in conflict if other.part == c.part]
-        rest = [j for j in part if j != column]
-        assert not np.any(np.all(found[:, part] >= -1e-9, axis=1))
-        assert np.any(np.all(found[:, rest] >= -1e-9, axis=1))
+        further = [j for j in part if j != column]
+        assert not np.any(np.all(slack[:, part] >= -1e-9, axis=1))
+        assert np.any(np.all(slack[:, further] >= -1e-9, axis=1))
         limit = allowed.copy()
-        limit[rest], limit[column] = -1e-9, -np.inf
-        alone = np.all(found >= limit, axis=1)
+        limit[further], limit[column] = -1e-9, -np.inf
+        alone = np.all(slack >= limit, axis=1)
         assert (c.alone is not None) == alone.any()
         if c.alone is not None:
-            least = max(0.0, -found[alone, column].max())
+            least = max(0.0, -slack[alone, column].max())
             assert c.alone / c.limit == pytest.approx(least, abs=1e-9)
-    others = np.all(np.delete(found, columns, axis=1) >= -1e-9, axis=1)
-    share = np.maximum(-found[np.ix_(others, columns)], 0.0).max(axis=1).min()
+    others = np.all(np.delete(slack, columns, axis=1) >= -1e-9, axis=1)
+    share = np.maximum(-slack[np.ix_(others, columns)], 0.0).max(axis=1).min()
     assert max(c.together / c.limit for c in conflict) == pytest.approx(share, rel=2e-3)
 
 

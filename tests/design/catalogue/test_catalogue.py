@@ -49,10 +49,12 @@ def test_as_good_as_exhaustive_enumeration(name: str, proportional: bool) -> Non
     sizes += [(c.bore, c.rod) for c in machine.cylinders]
     limits = replace(LOOSE, oil_total_share=1.1, moment_arm_share=0.0)
     wanted = enumerated(machine, space, limits, sizes, proportional)
-    found = select(allowed_sizes(machine, machine, space, limits, sizes_of(sizes), proportional))
+    best_sizes = select(
+        allowed_sizes(machine, machine, space, limits, sizes_of(sizes), proportional)
+    )
     assert wanted > 0
-    assert_allclose(found.frequency, wanted, rtol=1e-9)
-    assert found.bound == found.frequency
+    assert_allclose(best_sizes.frequency, wanted, rtol=1e-9)
+    assert best_sizes.bound == best_sizes.frequency
 
 
 def test_lift_and_torque_are_kept() -> None:
@@ -184,18 +186,18 @@ def test_requirements_that_are_no_sums(level: float, monkeypatch: pytest.MonkeyP
     def stricter(
         machine: Machine, areas: np.ndarray, *others: Any
     ) -> tuple[list[str], np.ndarray]:
-        names, found = slacks(machine, areas, *others)
+        names, slack = slacks(machine, areas, *others)
         least = np.sqrt(1 - areas[..., 1] / areas[..., 0]).min(axis=1)
-        return [*names, "stout"], np.column_stack([found, least / level - 1])
+        return [*names, "stout"], np.column_stack([slack, least / level - 1])
 
     monkeypatch.setattr("armdesign.design.catalogue.separable.slacks", stricter)
     machine, space = double(), workspace_of("double")
-    found = select(allowed_sizes(machine, machine, space, LOOSE, sizes_of(AROUND)))
+    slack = select(allowed_sizes(machine, machine, space, LOOSE, sizes_of(AROUND)))
     assert_allclose(
-        found.frequency, enumerated(machine, space, LOOSE, AROUND, stoutness=level), rtol=1e-9
+        slack.frequency, enumerated(machine, space, LOOSE, AROUND, stoutness=level), rtol=1e-9
     )
-    assert min(rod / bore for bore, rod in found.sizes) >= level
-    assert found.bound == found.frequency
+    assert min(rod / bore for bore, rod in slack.sizes) >= level
+    assert slack.bound == slack.frequency
 
 
 def test_many_sizes_are_judged_as_machines_are() -> None:
@@ -208,7 +210,7 @@ def test_many_sizes_are_judged_as_machines_are() -> None:
     bores = np.array([c.bore for c in machine.cylinders]) * random.uniform(0.8, 1.2, (7, 3))
     rods = np.array([c.rod for c in machine.cylinders]) * random.uniform(0.9, 1.1, (7, 3))
     rods[0, 2] = 0.995 * bores[0, 2]
-    made = [
+    machines = [
         replace(
             machine,
             cylinders=tuple(
@@ -217,14 +219,14 @@ def test_many_sizes_are_judged_as_machines_are() -> None:
         )
         for pair in np.stack([bores, rods], axis=2)
     ]
-    areas = np.array([[[c.bore_area, c.annulus_area] for c in new.cylinders] for new in made])
-    names, found = slacks(machine, areas, machine, space, limits, static_loads(machine, space))
-    for new, row in zip(made, found, strict=True):
+    areas = np.array([[[c.bore_area, c.annulus_area] for c in new.cylinders] for new in machines])
+    names, slack = slacks(machine, areas, machine, space, limits, static_loads(machine, space))
+    for new, row in zip(machines, slack, strict=True):
         judged = check(new, machine, space, limits)
         assert names == [c.name for c in judged]
         assert_allclose(row, [c.slack for c in judged], rtol=1e-12, atol=1e-12)
-    assert found[0, names.index("holding.bucket")] == -math.inf
-    assert np.isfinite(found[1:]).all()
+    assert slack[0, names.index("holding.bucket")] == -math.inf
+    assert np.isfinite(slack[1:]).all()
 
 
 def test_what_does_not_vary_stays() -> None:
@@ -240,9 +242,9 @@ def test_what_does_not_vary_stays() -> None:
     design = ad.optimize(machine, space, limits, vary=("cylinder.lift.bore_mm",), catalogue=sizes)
     reached = []
     for bore in sorted({bore for bore, _ in sizes}):
-        made = replace(machine, cylinders=(replace(lift, bore=bore), fold))
-        if min(c.slack for c in check(made, machine, space, limits)) >= -1e-9:
-            reached.append(float(lowest_frequency(made.evaluate(space.rigid)).min()))
+        changed = replace(machine, cylinders=(replace(lift, bore=bore), fold))
+        if min(c.slack for c in check(changed, machine, space, limits)) >= -1e-9:
+            reached.append(float(lowest_frequency(changed.evaluate(space.rigid)).min()))
     assert 1 < len(reached) < 7
     assert design.unrounded == pytest.approx(max(reached), rel=1e-9)
     assert design.machine.cylinders[1] == fold

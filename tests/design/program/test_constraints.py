@@ -41,12 +41,12 @@ def test_limits_are_the_checks(seed: int) -> None:
     problem = problem_of("excavator", **EVERYTHING)
     x = some_x(problem, seed, 0.1)
     at, new = constraints_at(problem, x), as_machine(problem, x)
-    found = {
+    of_checks = {
         c.name: c for c in check(new, problem.machine, problem.workspace, problem.requirements)
     }
     for name in {n for n in at.names if n.split(".")[0] in NEW}:
         rows = np.array(at.names) == name
-        value, slack = float(at.values[rows].min()), found[name].slack
+        value, slack = float(at.values[rows].min()), of_checks[name].slack
         assert (value > 0) == (slack > 0), name
         if name.split(".")[0] in (
             "speed",

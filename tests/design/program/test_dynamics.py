@@ -117,10 +117,12 @@ def test_pins_vary_only_where_asked_and_where_strokes_follow() -> None:
 
     crossing = named("crossing")
     space = Workspace.grid(crossing, points=4)
-    made = Problem.of(
+    crossed = Problem.of(
         machine=crossing, workspace=space, requirements=Requirements(), vary=("areas", "pins")
     )
-    moving = {made.machine.cylinders[v.cylinder].name for v in made.vector.variables if v.pin}
+    moving = {
+        crossed.machine.cylinders[v.cylinder].name for v in crossed.vector.variables if v.pin
+    }
     assert moving == {"lift"}
     assert all(v.pin is None for v in problem_of("double", pin_box=0.0).vector.variables)
     fixed = problem_of("double", ("pins",))

@@ -41,8 +41,8 @@ def test_frequencies_are_those_of_the_machine_that_x_describes(vary: tuple[str, 
     """
     problem = posed(bars("triple"), vary)
     for x in (problem.vector.start, some_x(problem, 1, 0.1), some_x(problem, 2, 0.1)):
-        found = np.sqrt(problem.dynamics.omega_squared(x)) / (2 * np.pi)
-        assert_allclose(found, true_frequencies(problem, x), rtol=1e-9)
+        frequencies = np.sqrt(problem.dynamics.omega_squared(x)) / (2 * np.pi)
+        assert_allclose(frequencies, true_frequencies(problem, x), rtol=1e-9)
 
 
 def only_rocker() -> Machine:
@@ -127,8 +127,8 @@ def test_holding_is_that_of_the_machine_that_x_describes() -> None:
             if load > 0
         ]
         expected = min(rooms)
-        mine = at.values[[n == f"holding.{c.name}" for n in at.names]]
-        assert mine.min() == pytest.approx(expected, rel=1e-9)
+        holding = at.values[[n == f"holding.{c.name}" for n in at.names]]
+        assert holding.min() == pytest.approx(expected, rel=1e-9)
 
 
 def test_only_what_follows_x_is_moved() -> None:
@@ -287,14 +287,14 @@ def test_two_actuators_against_brute_force(share: float) -> None:
     """
     problem = posed(bars("double"), ("areas",), oil_total_share=share, **ANY_LIFT_AND_TORQUE)
     search = solved(problem)
-    found, bound = TwoCylinders(problem).best(), bound_of_areas(search)
+    best, bound = TwoCylinders(problem).best(), bound_of_areas(search)
     assert bound is not None
     assert search.violation < 1e-9
     assert hertz(search.squared) == pytest.approx(
         true_frequencies(problem, search.x).min(), rel=1e-9
     )
-    assert hertz(search.squared) > found * (1 - 1e-6)
-    assert found * (1 - 1e-9) < bound < hertz(search.squared) * 1.02
+    assert hertz(search.squared) > best * (1 - 1e-6)
+    assert best * (1 - 1e-9) < bound < hertz(search.squared) * 1.02
 
 
 # ----------------------------------------------------------------------------------------- duality
@@ -367,10 +367,12 @@ def test_light_bars_are_nearly_none() -> None:
     make no difference.
     """
     light, bare = bars("double", 1e-3), bars("double", 0.0)
-    found = [solved(posed(machine, ("areas", "pins")), 1e-6).squared for machine in (light, bare)]
-    assert found[0] == pytest.approx(found[1], rel=2e-3)
+    squares = [
+        solved(posed(machine, ("areas", "pins")), 1e-6).squared for machine in (light, bare)
+    ]
+    assert squares[0] == pytest.approx(squares[1], rel=2e-3)
     heavy = solved(posed(bars("double"), ("areas", "pins")), 1e-6)
-    assert heavy.squared < 0.8 * found[1]
+    assert heavy.squared < 0.8 * squares[1]
 
 
 @pytest.mark.slow

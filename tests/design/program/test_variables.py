@@ -235,9 +235,9 @@ def test_derivatives_by_every_variable(name: str) -> None:
         np.arange(0, len(problem.dynamics.rows), 11),
     )
     expected = slopes(lambda y: problem.dynamics.scaled_stiffness_and_gradient(y, rows)[0], x)
-    found = problem.dynamics.scaled_stiffness_and_gradient(x, rows)[1]
+    gradient = problem.dynamics.scaled_stiffness_and_gradient(x, rows)[1]
     for v in range(len(x)):
-        assert_allclose(found[v], expected[v], rtol=0, atol=1e-7 * np.abs(expected[v]).max())
+        assert_allclose(gradient[v], expected[v], rtol=0, atol=1e-7 * np.abs(expected[v]).max())
     by_difference = slopes(lambda y: constraints_at(problem, y, holding).values, x)
     jacobian = constraints_at(problem, x, holding).jacobian.T
     assert_allclose(jacobian, by_difference, rtol=0, atol=1e-8 * np.abs(by_difference).max())
@@ -254,9 +254,9 @@ def test_transmission_limit_is_the_requirement(seed: int) -> None:
     judged = {
         c.name: c for c in check(machine, problem.machine, problem.workspace, problem.requirements)
     }
-    mine = np.array([name == "transmission.bucket" for name in at_x.names])
-    assert mine.sum() > 10
-    slack, value = judged["transmission.bucket"].slack, at_x.values[mine].min()
+    own_rows = np.array([name == "transmission.bucket" for name in at_x.names])
+    assert own_rows.sum() > 10
+    slack, value = judged["transmission.bucket"].slack, at_x.values[own_rows].min()
     assert slack == pytest.approx(value, abs=2e-3 + 2 * slack**2)
 
 

@@ -80,9 +80,9 @@ def own(**settings: Any) -> dict[str, Check]:
 
 
 def by_name(checks: tuple[Check, ...]) -> dict[str, Check]:
-    found = {c.name: c for c in checks}
-    assert len(found) == len(checks)
-    return found
+    checks_by_name = {c.name: c for c in checks}
+    assert len(checks_by_name) == len(checks)
+    return checks_by_name
 
 
 def shipped_reference(machine: Machine) -> Reference:

@@ -16,12 +16,12 @@ def test_digging_force_by_the_independent_reference() -> None:
     poses there).
     """
     old = reference()
-    found = own(digging_force={"stick": 100e3, "bucket": 125e3})
+    checks = own(digging_force={"stick": 100e3, "bucket": 125e3})
     for name, (force, _) in old.digging(["stick", "bucket"], old.ranges).items():
-        assert found[f"digging_force.{name}"].value == pytest.approx(force, rel=1e-5)
+        assert checks[f"digging_force.{name}"].value == pytest.approx(force, rel=1e-5)
         assert digging_forces(MACHINES["excavator"]())[name] == pytest.approx(force, rel=1e-5)
-    assert found["digging_force.stick"].slack == pytest.approx(
-        found["digging_force.stick"].value / 100e3 - 1
+    assert checks["digging_force.stick"].slack == pytest.approx(
+        checks["digging_force.stick"].value / 100e3 - 1
     )
 
 

@@ -48,7 +48,7 @@ def test_a_rod_too_thick_to_pull_with(rod: float, holds: bool) -> None:
     forces = problem.dynamics.nominal_forces(problem.vector.start)[:, 2]
     assert forces.min() < 0
     machine = today.replace({"cylinder.bucket.rod_mm": rod})
-    found = by_name(check(machine, today, problem.workspace, problem.requirements))[
+    holding = by_name(check(machine, today, problem.workspace, problem.requirements))[
         "holding.bucket"
     ]
     x = problem.vector.start.copy()
@@ -58,9 +58,9 @@ def test_a_rod_too_thick_to_pull_with(rod: float, holds: bool) -> None:
         value for name, value in zip(at.names, at.values, strict=True) if name == "holding.bucket"
     )
     if holds:
-        assert found.slack > 0
+        assert holding.slack > 0
         assert room > 0
     else:
-        assert found.value == math.inf
-        assert found.slack == -math.inf
+        assert holding.value == math.inf
+        assert holding.slack == -math.inf
         assert room < 0

@@ -46,19 +46,21 @@ def test_moment_arm_digging_and_transmission_by_the_independent_reference(
         np.abs(arm_before).min(), rel=1e-3
     )
     if cylinder != "boom":
-        found = checks[f"digging.{cylinder}"]
+        digging = checks[f"digging.{cylinder}"]
         torque = [
             PRESSURE * c.bore_area * np.abs(a).max()
             for c, a in ((part, arm), (before, arm_before))
         ]
-        assert [found.value, found.limit] == pytest.approx([torque[0], 0.95 * torque[1]], rel=1e-3)
-        assert found.slack < 0
+        assert [digging.value, digging.limit] == pytest.approx(
+            [torque[0], 0.95 * torque[1]], rel=1e-3
+        )
+        assert digging.slack < 0
     if cylinder == "bucket":
         angles = [m.transmission_angles(q, c).min() for m, c in ((new, part), (old, before))]
-        found = checks["transmission.bucket"]
-        assert found.value == pytest.approx(angles[0], rel=1e-3)
+        digging = checks["transmission.bucket"]
+        assert digging.value == pytest.approx(angles[0], rel=1e-3)
         # or today's, if lower
-        assert found.limit == pytest.approx(min(math.radians(40), angles[1]), rel=1e-3)
+        assert digging.limit == pytest.approx(min(math.radians(40), angles[1]), rel=1e-3)
 
 
 def test_digging_torque_is_stated_where_it_asks_for_more_than_torque() -> None:

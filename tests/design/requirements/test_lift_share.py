@@ -27,14 +27,14 @@ from tests.machines import ANY_LIFT_AND_TORQUE, named
 
 
 def _values(machine: Machine, today: Machine, **settings: float) -> dict[str, float]:
-    found = judged(machine, today, **settings)
-    return {name: c.value for name, c in found.items() if name.startswith("lift_share.")}
+    checks = judged(machine, today, **settings)
+    return {name: c.value for name, c in checks.items() if name.startswith("lift_share.")}
 
 
 def test_todays_machine_lifts_what_it_lifts() -> None:
     """A share of one everywhere, so the slack is 1/0.9 − 1; with a share of 0 nothing is asked."""
-    found = own(lift_share=0.9)
-    values = {name: c for name, c in found.items() if name.startswith("lift_share.")}
+    checks = own(lift_share=0.9)
+    values = {name: c for name, c in checks.items() if name.startswith("lift_share.")}
     assert set(values) == {"lift_share.boom", "lift_share.stick"}  # the bucket's pin: no bucket
     for c in values.values():
         assert c.value == pytest.approx(1.0, rel=1e-12)
@@ -75,8 +75,8 @@ def test_the_new_machine_may_take_its_own_best_pose() -> None:
     lifts = old.capacity > 0
     ratio = (chart.capacity[lifts] / old.capacity[lifts]).min()
     requirements = replace(Requirements.of(today), lift_share=0.5)
-    found = check(new, today, Workspace.grid(today, points=5), requirements)
-    shares = [c.value for c in found if c.name.startswith("lift_share.")]
+    checks = check(new, today, Workspace.grid(today, points=5), requirements)
+    shares = [c.value for c in checks if c.name.startswith("lift_share.")]
     assert min(shares) == pytest.approx(ratio, rel=1e-9)
 
 
@@ -122,10 +122,10 @@ def test_shares_of_many_sizes() -> None:
                 for key, values in (("bore", bores), ("rod", rods))
             }
         )
-        found = {c.name: c for c in check(new, today, workspace, requirements)}
+        by_name = {c.name: c for c in check(new, today, workspace, requirements)}
         for name in ("lift_share.boom", "lift_share.stick"):
-            assert row[names.index(name)] == pytest.approx(found[name].slack, abs=1e-9)
-            assert found[name].limit == (0.95 if name.endswith("boom") else 0.8)
+            assert row[names.index(name)] == pytest.approx(by_name[name].slack, abs=1e-9)
+            assert by_name[name].limit == (0.95 if name.endswith("boom") else 0.8)
 
 
 @pytest.mark.slow
@@ -134,8 +134,8 @@ def test_a_conflict_names_the_share_that_grants_it() -> None:
     enough.
     """
     machine, workspace = MACHINES["double"](), workspace_of("double")
-    asked = {**ANY_LIFT_AND_TORQUE, "lift_share": 1.0, "thrust_share": 0.95}
-    requirements = replace(Requirements.of(machine), **asked)
+    settings = {**ANY_LIFT_AND_TORQUE, "lift_share": 1.0, "thrust_share": 0.95}
+    requirements = replace(Requirements.of(machine), **settings)
     with pytest.raises(InfeasibleError) as caught:
         ad.size_cylinders(machine, workspace, requirements)
     conflict = caught.value.conflict

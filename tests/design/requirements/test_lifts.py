@@ -24,13 +24,13 @@ def test_lift_capacity_by_the_independent_reference(lift: Lift, tmp_path: Path) 
     energy and lengths.
     """
     machine = MACHINES["excavator"]()
-    found = own(lifts=(lift,))[f"lift.{lift.name}"]
+    lift_check = own(lifts=(lift,))[f"lift.{lift.name}"]
     at = lift_pose(machine, lift, Requirements.of(machine).holding_share)
     link = lift.link or "bucket"
     place = [1000.0 * x for x in lift.at or machine.tool.at]
     loaded = machine.replace(
         {
-            "payload.full.mass_kg": found.value,
+            "payload.full.mass_kg": lift_check.value,
             "payload.full.link": link,
             "payload.full.at_mm": place,
         }
@@ -41,7 +41,7 @@ def test_lift_capacity_by_the_independent_reference(lift: Lift, tmp_path: Path) 
     pull = PRESSURE * other.annulus_areas - RETURN * other.bore_areas
     use = np.where(force > 0, force / push, -force / pull)
     assert use.max() == pytest.approx(0.87, rel=1e-9)
-    assert found.slack == pytest.approx(found.value / lift.mass - 1, rel=1e-9)
+    assert lift_check.slack == pytest.approx(lift_check.value / lift.mass - 1, rel=1e-9)
 
 
 def test_lift_at_a_place_stands_there() -> None:

@@ -20,14 +20,14 @@ def test_pins_within_the_outline() -> None:
     other pin by hand.
     """
     box = ((0.0, 0.0), (5.0, 0.0), (5.0, 1.3), (0.0, 1.3))
-    found = own(outlines=(Outline(link="boom", points=box, pin_radius=0.16),))
-    assert {n for n in found if n.startswith("outline")} == {
+    checks = own(outlines=(Outline(link="boom", points=box, pin_radius=0.16),))
+    assert {n for n in checks if n.startswith("outline")} == {
         "outline.boom.rod_end",
         "outline.stick.base",
     }
-    assert found["outline.stick.base"].value == pytest.approx(0.1525, rel=1e-12)
-    assert found["outline.stick.base"].slack == pytest.approx((0.1525 - 0.16) / 5.0, rel=1e-9)
-    assert found["outline.boom.rod_end"].value == pytest.approx(1.3 - 0.9505, rel=1e-12)
+    assert checks["outline.stick.base"].value == pytest.approx(0.1525, rel=1e-12)
+    assert checks["outline.stick.base"].slack == pytest.approx((0.1525 - 0.16) / 5.0, rel=1e-9)
+    assert checks["outline.boom.rod_end"].value == pytest.approx(1.3 - 0.9505, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -41,20 +41,20 @@ def test_an_outline_must_hold_todays_pins(lid: float, radius: float, words: str)
     """Stick base pin at z = 1147.5 in the boom, under lids at 1100 and 1200."""
     machine = MACHINES["excavator"]()
     box = ((-1.0, -1.0), (6.0, -1.0), (6.0, lid), (-1.0, lid))
-    asked = Requirements(outlines=(Outline(link="boom", points=box, pin_radius=radius),))
+    requirements = Requirements(outlines=(Outline(link="boom", points=box, pin_radius=radius),))
     message = (
         r"requirements.outline.boom: does not hold today's base pin of the stick cylinder at x"
         rf" 3416.5, z 1147.5 mm: it {words}"
     )
     with pytest.raises(ArmDesignError, match=message):
-        ad.optimize(machine, workspace_of("excavator"), asked, starts=1)
+        ad.optimize(machine, workspace_of("excavator"), requirements, starts=1)
 
 
 def test_clearance_against_the_reference() -> None:
     """Stick barrel from a plate on the stick: points along it against points along the plate's
     edges, at 241 poses by
     the reference; 6 mm for all three samplings."""
-    old, found = reference(), own(clearances=EVERYTHING["clearances"])
+    old, checks = reference(), own(clearances=EVERYTHING["clearances"])
     stick = old.cylinders[1]
     q = old.along(1, np.linspace(*old.ranges[1], 241))
     frames = old.frames(q)
@@ -77,8 +77,8 @@ def test_clearance_against_the_reference() -> None:
         for bar in bars.transpose(1, 0, 2)
     )
     radius = 0.14 * barrel_ratio(PRESSURE) / 2
-    assert found["clearance.plate.stick"].value == pytest.approx(least - radius, abs=6e-3)
-    assert found["clearance.plate.stick"].limit == 0.15
+    assert checks["clearance.plate.stick"].value == pytest.approx(least - radius, abs=6e-3)
+    assert checks["clearance.plate.stick"].limit == 0.15
 
 
 def _turn(angle: np.ndarray, x: float, z: float) -> np.ndarray:

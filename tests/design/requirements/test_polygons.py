@@ -53,11 +53,11 @@ def test_clearance_against_dense_sampling() -> None:
         start, end = random.uniform(-2, 5, (2, 2))
         line = start + np.linspace(0, 1, 2000)[:, None] * (end - start)
         outward = -depth(line, BENT).min(axis=1)
-        found = float(clearance(start, end, BENT))
-        assert (found < 0) == (outward.min() < 0)
-        if found > 0:
+        distance = float(clearance(start, end, BENT))
+        assert (distance < 0) == (outward.min() < 0)
+        if distance > 0:
             apart += 1
-            assert found == pytest.approx(outward.min(), abs=2e-3)
+            assert distance == pytest.approx(outward.min(), abs=2e-3)
     assert 10 < apart < 55
 
 

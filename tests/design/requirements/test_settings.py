@@ -56,21 +56,25 @@ def written(extra: str) -> Machine:
 
 def test_requirements_from_the_file() -> None:
     """The same as given in SI; 1e-9 where degrees and millimetres are turned into them."""
-    found, wanted = (
+    of_file, wanted = (
         Requirements.of(written(FILE)),
         replace(Requirements.of(named("excavator_20t")), **EVERYTHING),
     )
     same = ("digging_force", "buckling_factor", "buckling_column", "cylinder_mass", "pin_boxes")
-    assert [getattr(found, name) for name in same] == [getattr(wanted, name) for name in same]
-    for a, b in zip(found.speeds, wanted.speeds, strict=True):
+    assert [getattr(of_file, name) for name in same] == [getattr(wanted, name) for name in same]
+    for a, b in zip(of_file.speeds, wanted.speeds, strict=True):
         assert (a.name, a.at) == (b.name, b.at)
         assert a.joints == pytest.approx(b.joints)
         assert a.cylinders == pytest.approx(b.cylinders)
-    assert (found.lifts[0].mass, found.lifts[0].reach, found.lifts[0].height) == (2500, 6.0, 1.5)
-    assert found.lifts[0].joints == pytest.approx(FRONT.joints)
-    assert_allclose(found.outlines[0].points, BOOM_PLATE, rtol=1e-12)
-    assert_allclose(found.clearances[0].points, STICK_PLATE, rtol=1e-12)
-    assert (found.outlines[0].pin_radius, found.clearances[0].distance) == (0.2, 0.15)
+    assert (of_file.lifts[0].mass, of_file.lifts[0].reach, of_file.lifts[0].height) == (
+        2500,
+        6.0,
+        1.5,
+    )
+    assert of_file.lifts[0].joints == pytest.approx(FRONT.joints)
+    assert_allclose(of_file.outlines[0].points, BOOM_PLATE, rtol=1e-12)
+    assert_allclose(of_file.clearances[0].points, STICK_PLATE, rtol=1e-12)
+    assert (of_file.outlines[0].pin_radius, of_file.clearances[0].distance) == (0.2, 0.15)
 
 
 BAD_FILES = [

@@ -51,9 +51,9 @@ def test_functions_that_move_together_share_the_flow() -> None:
     )
     parts = [Speed(name="b", joints={"boom": 0.2}), Speed(name="s", cylinders={"stick": -0.1})]
     together = Speed(name="t", joints={"boom": 0.2}, cylinders={"stick": -0.1})
-    found = own(speeds=(*parts, together))
-    assert found["speed.t"].value == pytest.approx(
-        found["speed.b"].value + found["speed.s"].value, rel=1e-12
+    checks = own(speeds=(*parts, together))
+    assert checks["speed.t"].value == pytest.approx(
+        checks["speed.b"].value + checks["speed.s"].value, rel=1e-12
     )
 
 

@@ -28,15 +28,15 @@ def test_buckling_factor_by_hand(column: str) -> None:
         if column == "rod"
         else float(stepped_load(barrel, rod, 1.652, 1.652))
     )
-    found = own(buckling_factor=3.0, buckling_column=column)["buckling_factor.stick"]
-    assert found.value == pytest.approx(load / thrust, rel=1e-9)
-    assert (found.limit, found.at_least) == (3.0, True)
+    buckling = own(buckling_factor=3.0, buckling_column=column)["buckling_factor.stick"]
+    assert buckling.value == pytest.approx(load / thrust, rel=1e-9)
+    assert (buckling.limit, buckling.at_least) == (3.0, True)
 
 
 def test_wall_of_the_barrel_from_the_file() -> None:
     machine = MACHINES["excavator"]().replace({"cylinder.stick.barrel_wall_mm": 20.0})
-    found = judged(machine, machine, buckling_factor=3.0, buckling_column="stepped")[
+    buckling = judged(machine, machine, buckling_factor=3.0, buckling_column="stepped")[
         "buckling_factor.stick"
     ]
     load = float(stepped_load(second_moment(0.18, 0.14), second_moment(0.1), 1.652, 1.652))
-    assert found.value == pytest.approx(load / (PRESSURE * math.pi / 4 * 0.14**2), rel=1e-9)
+    assert buckling.value == pytest.approx(load / (PRESSURE * math.pi / 4 * 0.14**2), rel=1e-9)

@@ -52,12 +52,12 @@ def test_answer_does_not_depend_on_the_start(seed: int) -> None:
     x = problem.vector.start.copy()
     moving = np.array([v.pin is not None for v in problem.vector.variables])
     x[moving] = np.random.default_rng(seed).uniform(-0.7, 0.7, moving.sum())
-    found = [
+    searches = [
         Search(problem=problem, x=start).run(trust=0.2, tolerance=1e-7)
         for start in (problem.vector.start, x)
     ]
-    one, other = (least_moved_pins(problem, s.x) for s in found)
-    assert found[0].squared == pytest.approx(found[1].squared, rel=1e-6)
+    one, other = (least_moved_pins(problem, s.x) for s in searches)
+    assert searches[0].squared == pytest.approx(searches[1].squared, rel=1e-6)
     assert_allclose(one[~moving], other[~moving], atol=1e-3)
     assert np.abs(one - other)[moving].max() * problem.vector.pin_box < 2e-4
 
@@ -73,7 +73,7 @@ def test_order_of_cylinders_does_not_matter_for_pins() -> None:
             machine=machine, workspace=space, requirements=Requirements(), vary=("areas", "pins")
         )
         search = solved(problem, 1e-8)
-        made = dict(
+        pins_by_name = dict(
             zip(
                 [c.name for c in machine.cylinders],
                 problem.vector.linkages(least_moved_pins(problem, search.x)),
@@ -81,6 +81,10 @@ def test_order_of_cylinders_does_not_matter_for_pins() -> None:
             )
         )
         pins.append(
-            [made[name].place(pin) for name in ("lift", "fold") for pin in ("base", "rod_end")]
+            [
+                pins_by_name[name].place(pin)
+                for name in ("lift", "fold")
+                for pin in ("base", "rod_end")
+            ]
         )
     assert_allclose(pins[0], pins[1], atol=5e-4)

@@ -57,8 +57,8 @@ def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_more_starts_where_four_bars_move(vary: tuple[str, ...], count: int) -> None:
     """Unless told otherwise; every one of them reached something or failed."""
     problem = coarse("excavator_20t", vary)
-    for told, expected in ((None, count), (2, min(count, 2))):
-        starts = multistart(problem, told, 0, 1)[1]
+    for starts_given, expected in ((None, count), (2, min(count, 2))):
+        starts = multistart(problem, starts_given, 0, 1)[1]
         assert len(starts.reached) + len(starts.failed) == expected
 
 
@@ -183,5 +183,5 @@ def test_seeds_agree_where_four_bars_move(
         requirements=Requirements.of(machine),
         vary=vary,
     )
-    found = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 1, 5)]
-    assert found == pytest.approx([max(found)] * 3, rel=5e-4)
+    reached = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 1, 5)]
+    assert reached == pytest.approx([max(reached)] * 3, rel=5e-4)

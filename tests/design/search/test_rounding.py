@@ -40,19 +40,19 @@ def changed(design: ad.design.optimum.Design) -> dict[str, Any]:  # type: ignore
 @pytest.mark.slow
 def test_only_sizes_and_pins_change_and_lie_on_the_grid() -> None:
     keys = {"bore_mm", "rod_mm", "stroke_mm", "closed_length_mm", "base.at_mm", "rod_end.at_mm"}
-    found = changed(excavator_design())
-    assert {found.pop(key) for key in ("name", "title")} == {
+    numbers = changed(excavator_design())
+    assert {numbers.pop(key) for key in ("name", "title")} == {
         "excavator_20t_optimized",
         "20 t crawler excavator, optimized",
     }
-    for key, value in found.items():
+    for key, value in numbers.items():
         _, cylinder, name = key.split(".", 2)
         assert cylinder in ("boom", "stick", "bucket")
         assert name in keys
         for number in value if isinstance(value, list) else [value]:
             assert number == round(number, 1)  # 0.1 mm, written without noise
-    assert {f"cylinder.{c}.bore_mm" for c in ("boom", "stick", "bucket")} <= found.keys()
-    assert found["cylinder.bucket.base.at_mm"][1] == 0  # pins stay in their plane
+    assert {f"cylinder.{c}.bore_mm" for c in ("boom", "stick", "bucket")} <= numbers.keys()
+    assert numbers["cylinder.bucket.base.at_mm"][1] == 0  # pins stay in their plane
 
 
 @pytest.mark.slow

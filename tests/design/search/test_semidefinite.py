@@ -45,7 +45,7 @@ def brute_force(
     machine = problem.machine
     poses = machine.at(problem.workspace.q)
     cylinders, nc = machine.cylinders, len(machine.cylinders)
-    rest = poses.gravity_stiffness + poses.geometric_stiffness
+    without_oil = poses.gravity_stiffness + poses.geometric_stiffness
     outer = np.einsum("nci,ncj->cnij", poses.moment_arms, poses.moment_arms)
     s = poses.lengths - np.array([c.closed_length for c in cylinders])
     today = np.array([[c.bore_area, c.annulus_area] for c in cylinders])
@@ -54,7 +54,7 @@ def brute_force(
 
     def worst(x: np.ndarray) -> np.ndarray:
         a = x.reshape(-1, nc, 2) * today
-        stiffness = np.broadcast_to(rest, (len(a), *rest.shape)).copy()
+        stiffness = np.broadcast_to(without_oil, (len(a), *without_oil.shape)).copy()
         for i, c in enumerate(cylinders):
             dead = np.array([c.cap_dead_volume, c.annulus_dead_volume]) * (
                 x.reshape(-1, nc, 2)[:, i] ** proportional
@@ -155,16 +155,16 @@ def test_never_worse_than_brute_force_and_never_above_the_bound(
     limits = {"oil_total_share": share, **ANY_LIFT_AND_TORQUE}
     problem = problem_of(name, ("areas",), proportional=proportional, **limits)
     search = solved(problem)
-    found, step = brute_force(problem, proportional=proportional)
+    highest, step = brute_force(problem, proportional=proportional)
     bound = bound_of_areas(search)
     assert step < 1e-4
     assert search.violation < 1e-9
     assert hertz(search.squared) == pytest.approx(
         true_frequencies(problem, search.x).min(), rel=1e-9
     )
-    assert hertz(search.squared) > found * (1 - 1e-6)
+    assert hertz(search.squared) > highest * (1 - 1e-6)
     assert bound is not None
-    assert bound > found * (1 - 1e-9)
+    assert bound > highest * (1 - 1e-9)
     assert bound > hertz(search.squared) * (1 - 1e-9)
     assert bound < hertz(search.squared) * 1.02
 

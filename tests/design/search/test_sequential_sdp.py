@@ -48,10 +48,10 @@ def cost_of(problem: Problem) -> Callable[[np.ndarray], float]:
 
 def by_evolution(problem: Problem, low: np.ndarray, high: np.ndarray, generations: int) -> float:
     box = list(zip(low, high, strict=True))
-    found = differential_evolution(
+    evolution = differential_evolution(
         cost_of(problem), box, maxiter=generations, popsize=6, seed=1, polish=False, tol=0
     )  # fmt: skip
-    return float(found.fun)
+    return float(evolution.fun)
 
 
 def by_adaptation(problem: Problem, low: np.ndarray, high: np.ndarray, generations: int) -> float:
@@ -76,11 +76,11 @@ def test_never_worse_than_a_global_method(
     low, high = problem.bounds
     # no wider than any good design needs
     low, high = np.where(areas, 0.5, low), np.where(areas, 1.5, high)
-    found = method(problem, low, high, generations)
+    globally = method(problem, low, high, generations)
     search = solved(problem, 1e-6)
     assert search.violation < 1e-7
-    assert search.squared / problem.dynamics.omega_squared_scale > -found * (1 - 1e-5)
-    assert -found > 1.1  # it did find something
+    assert search.squared / problem.dynamics.omega_squared_scale > -globally * (1 - 1e-5)
+    assert -globally > 1.1  # it did find something
 
 
 @pytest.mark.slow

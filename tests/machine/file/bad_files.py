@@ -65,8 +65,8 @@ def outcome(text: str, urdf: str = URDF, use: str = "modes") -> str:
 def answers(machine: Machine, use: str) -> None:
     """Ask for the modes on a coarse grid, a whole map, or nothing."""
     if use == "map":
-        found = ad.frequency_map(machine, ad.Workspace.grid(machine, points=2))
-        assert math.isfinite(found.worst.frequency)
+        frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points=2))
+        assert math.isfinite(frequencies.worst.frequency)
     elif use == "modes":
         space = ad.Workspace.grid(machine, points=2)
         for payload in machine.payloads:
@@ -115,12 +115,12 @@ def changed(path: str, value: Any) -> str:
 
 def paths(data: dict[str, Any] = DATA, start: str = "") -> list[str]:
     """All key paths of the file, tables and leaves."""
-    found = []
+    key_paths = []
     for key, value in data.items():
-        found.append(start + key)
+        key_paths.append(start + key)
         if isinstance(value, dict):
-            found += paths(value, f"{start}{key}.")
-    return found
+            key_paths += paths(value, f"{start}{key}.")
+    return key_paths
 
 
 # ------------------------------------------------------------------------ one thing wrong, by name

@@ -71,8 +71,10 @@ def unusual() -> Machine:
     """A file as a person might write it, with the stick and bucket cylinders of the shipped
     one.
     """
-    rest = TEXT[TEXT.index("[cylinder.stick]") : TEXT.index("[requirements]")]
-    return Machine.from_text(UNUSUAL + rest + LATE, EXCAVATOR.urdf_text, Path("odd.toml"))
+    further_tables = TEXT[TEXT.index("[cylinder.stick]") : TEXT.index("[requirements]")]
+    return Machine.from_text(
+        UNUSUAL + further_tables + LATE, EXCAVATOR.urdf_text, Path("odd.toml")
+    )
 
 
 def changed_lines(before: str, after: str) -> list[tuple[str, str]]:

@@ -31,9 +31,9 @@ NUMBERS = [
 
 def _one_of(pattern: str, text: str, chance: random.Random) -> tuple[int, int]:
     """Where a random match starts and ends; a random place where there is none."""
-    found = [match.span() for match in re.finditer(pattern, text)]
+    spans = [match.span() for match in re.finditer(pattern, text)]
     i = chance.randrange(max(len(text), 1))
-    return chance.choice(found or [(i, i)])
+    return chance.choice(spans or [(i, i)])
 
 
 def _characters(text: str, chance: random.Random) -> str:
@@ -119,7 +119,7 @@ def damaged_bytes(text: str, chance: random.Random) -> bytes:
     """
     if chance.random() > 0.1:
         return damaged(text, chance).encode()
-    found = bytearray(text.encode())
+    data = bytearray(text.encode())
     for _ in range(chance.choice([1, 3])):
-        found[chance.randrange(len(found))] = chance.randrange(256)
-    return bytes(found)
+        data[chance.randrange(len(data))] = chance.randrange(256)
+    return bytes(data)

@@ -33,10 +33,10 @@ def flat(value: Any, path: str = "") -> dict[str, Any]:
         if isinstance(value, list)
         else ()
     )
-    found = {path: value} if path else {}
+    values = {path: value} if path else {}
     for key, item in items:
-        found |= flat(item, f"{path}.{key}" if path else str(key))
-    return found
+        values |= flat(item, f"{path}.{key}" if path else str(key))
+    return values
 
 
 def assert_found(text: str) -> None:

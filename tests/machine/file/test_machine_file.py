@@ -97,13 +97,13 @@ def test_replace_in_a_file_as_a_person_writes_it(path: str) -> None:
     machine = unusual()
     assert machine.cylinders[0].valve is not None
     value = [470.5, 0, -600.5] if path.endswith("at_mm") else 123.5
-    made = machine.replace({path: value})
-    changes = changed_lines(machine.text, made.text)
+    changed = machine.replace({path: value})
+    changes = changed_lines(machine.text, changed.text)
     assert len(changes) == (2 if path.endswith("at_mm") else 1)
     for before, after in changes:
         assert before.partition("#")[2] == after.partition("#")[2]
-    again = Machine.from_text(made.text, made.urdf_text, made.source)
-    assert again.section == made.section
+    again = Machine.from_text(changed.text, changed.urdf_text, changed.source)
+    assert again.section == changed.section
 
 
 ABSENT = [
@@ -132,13 +132,13 @@ def test_replace_adds_an_optional_key(
     path: str, value: object, read: object, expected: object
 ) -> None:
     """A key that the file leaves to its default may be set; every line that was there stays."""
-    made = EXCAVATOR.replace({path: value})
+    changed = EXCAVATOR.replace({path: value})
     assert (
-        read(made) == pytest.approx(expected)
+        read(changed) == pytest.approx(expected)
         if not isinstance(expected, list)
-        else read(made) == expected
+        else read(changed) == expected
     )
-    kept = made.text.splitlines()
+    kept = changed.text.splitlines()
     lost = [line for line in TEXT.splitlines() if line not in kept]
     assert len(lost) <= (1 if path == "requirements.digging.cylinders" else 0)
 
@@ -148,28 +148,31 @@ def test_replace_makes_a_table_that_is_missing(path: str) -> None:
     bare = Machine.from_text(
         TEXT[: TEXT.index("[requirements]")], EXCAVATOR.urdf_text, Path("a.toml")
     )
-    made = bare.replace({path: 0.1})
-    assert getattr(made.section.requirements, path.split(".")[1]) == 0.1
-    assert made.section.cylinder == bare.section.cylinder
-    assert Machine.from_text(made.text, made.urdf_text, made.source).section == made.section
+    changed = bare.replace({path: 0.1})
+    assert getattr(changed.section.requirements, path.split(".")[1]) == 0.1
+    assert changed.section.cylinder == bare.section.cylinder
+    assert (
+        Machine.from_text(changed.text, changed.urdf_text, changed.source).section
+        == changed.section
+    )
 
 
 def test_replace_takes_numbers_of_numpy() -> None:
     pin = np.array(EXCAVATOR.linkages[0].base.at) * 1000
-    made = EXCAVATOR.replace(
+    changed = EXCAVATOR.replace(
         {"cylinder.boom.bore_mm": np.float64(125), "cylinder.boom.base.at_mm": pin}
     )
-    assert made.cylinders[0].bore == pytest.approx(0.125)
-    assert_allclose(made.linkages[0].base.at, EXCAVATOR.linkages[0].base.at, rtol=1e-12)
+    assert changed.cylinders[0].bore == pytest.approx(0.125)
+    assert_allclose(changed.linkages[0].base.at, EXCAVATOR.linkages[0].base.at, rtol=1e-12)
 
 
 def test_replace_leaves_the_machine_as_it_was_and_keeps_its_load_case() -> None:
     before = EXCAVATOR.text
-    made = EXCAVATOR.with_payload("full").replace({"cylinder.stick.bore_mm": 150.0})
-    assert made.payload.name == "full"
+    changed = EXCAVATOR.with_payload("full").replace({"cylinder.stick.bore_mm": 150.0})
+    assert changed.payload.name == "full"
     assert EXCAVATOR.text == before
     assert EXCAVATOR.cylinders[1].bore == 0.140
-    back = made.replace({"cylinder.stick.bore_mm": 140})
+    back = changed.replace({"cylinder.stick.bore_mm": 140})
     assert back.text == before
 
 

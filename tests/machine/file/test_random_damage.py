@@ -38,7 +38,7 @@ def no_longer_than(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def asked(path: Path, use: str) -> str:
+def refusal(path: Path, use: str) -> str:
     """The message with which a file is refused, by reading it or by asking the machine; "" if it
     answers.
     """
@@ -80,7 +80,7 @@ def test_random_damage(
     for seed in range(PER_MACHINE):
         files[what].write_bytes(damaged_bytes(texts[what], random.Random(f"{name} {seed}")))
         try:
-            refused += bool(asked(files["toml"], "map" if seed % 10 == 0 else "modes"))
+            refused += bool(refusal(files["toml"], "map" if seed % 10 == 0 else "modes"))
         except Exception as error:
             raise AssertionError(f"{name}, {what}, seed {seed}: {error!r}") from error
     assert PER_MACHINE / 4 < refused < PER_MACHINE

@@ -20,11 +20,11 @@ def test_saved_and_loaded_it_is_the_same_machine(tmp_path: Path) -> None:
         "cylinder.boom.bore_mm": 126.123456789012345,
         "cylinder.stick.base.at_mm": [3400.1, 0, 1100.7],
     }
-    made = EXCAVATOR.replace(changes)
-    path = made.save(tmp_path / "deep" / "new.toml")
+    changed = EXCAVATOR.replace(changes)
+    path = changed.save(tmp_path / "deep" / "new.toml")
     again = ad.load(path)
-    assert again.section == made.section
-    assert_allclose(frequencies(again), frequencies(made), rtol=0, atol=0)
+    assert again.section == changed.section
+    assert_allclose(frequencies(again), frequencies(changed), rtol=0, atol=0)
     assert (frequencies(again) != frequencies(EXCAVATOR)).all()
     assert (path.parent / "excavator_20t.urdf").read_text(encoding="utf-8") == EXCAVATOR.urdf_text
     assert sorted(p.name for p in path.parent.iterdir()) == ["excavator_20t.urdf", "new.toml"]

@@ -172,16 +172,16 @@ def test_no_other_module_asks_for_the_four_bar() -> None:
     for path in sorted(PACKAGE.rglob("*.py")):
         module = ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        found = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-        found |= {
+        attributes = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        attributes |= {
             word
             for node in ast.walk(tree)
             if isinstance(node, ast.Constant) and isinstance(node.value, str)
             if " " not in node.value
             for word in re.split(r"[.:]", node.value)
         }
-        if found & names and module not in OF_ONE_KIND:
-            named_in[module] = found & names
+        if attributes & names and module not in OF_ONE_KIND:
+            named_in[module] = attributes & names
         kinds = ("linkage.direct", "linkage.four_bar")
         modules = {
             node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)

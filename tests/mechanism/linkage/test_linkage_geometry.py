@@ -24,14 +24,14 @@ def test_moment_arms_are_derivatives_of_lengths(machine: ad.Machine) -> None:
     """
     q = inner_poses(machine, 4)
     for linkage in machine.drives:
-        here = linkage.actuation(machine.arm.kinematics(q))
+        actuation = linkage.actuation(machine.arm.kinematics(q))
         arms = difference(lambda x, k=linkage: k.length(machine.arm.kinematics(x)), q)
         curves = difference(
             lambda x, k=linkage: k.actuation(machine.arm.kinematics(x)).moment_arm, q
         )
-        assert_same(here.moment_arm, arms, 1e-9)
-        assert_same(here.moment_arm_derivative, curves, 1e-8)
-        assert np.all(np.delete(here.moment_arm, linkage.joints, axis=1) == 0)
+        assert_same(actuation.moment_arm, arms, 1e-9)
+        assert_same(actuation.moment_arm_derivative, curves, 1e-8)
+        assert np.all(np.delete(actuation.moment_arm, linkage.joints, axis=1) == 0)
 
 
 @pytest.mark.parametrize("place", ["rod_end", *FOUR_BAR])

@@ -159,11 +159,13 @@ def test_decays_under_white_and_coloured_noise(zeta: float, noise: float, colour
     for _ in range(RUNS):
         white = random.normal(size=len(time) + 100)
         e = lfilter([math.sqrt(1 - colour**2)], [1, -colour], white)[100:]
-        found = identify_ringdown(time, clean + noise * np.sqrt(np.mean(clean**2)) * e, modes=2)
+        ringdown = identify_ringdown(time, clean + noise * np.sqrt(np.mean(clean**2)) * e, modes=2)
         errors.append(
-            np.array([*(found.natural_frequencies - [1.0, 2.3]), *(found.damping_ratios - zeta)])
+            np.array(
+                [*(ringdown.natural_frequencies - [1.0, 2.3]), *(ringdown.damping_ratios - zeta)]
+            )
         )
-        deviations.append(np.array([*found.frequency_deviations, *found.damping_deviations]))
+        deviations.append(np.array([*ringdown.frequency_deviations, *ringdown.damping_deviations]))
     check(errors, deviations)
 
 
@@ -190,9 +192,13 @@ def test_a_decay_that_holds_modes_more_than_asked_for(
         e = lfilter([math.sqrt(1 - colour**2)], [1, -colour], random.normal(size=len(time) + 100))[
             100:
         ]
-        found = identify_ringdown(time, clean + noise * np.sqrt(np.mean(clean**2)) * e)
-        errors.append(np.array([found.natural_frequencies[0] - 1, found.damping_ratios[0] - 0.1]))
-        deviations.append(np.array([found.frequency_deviations[0], found.damping_deviations[0]]))
+        ringdown = identify_ringdown(time, clean + noise * np.sqrt(np.mean(clean**2)) * e)
+        errors.append(
+            np.array([ringdown.natural_frequencies[0] - 1, ringdown.damping_ratios[0] - 0.1])
+        )
+        deviations.append(
+            np.array([ringdown.frequency_deviations[0], ringdown.damping_deviations[0]])
+        )
     check(errors, deviations)
 
 
@@ -225,9 +231,13 @@ def test_a_decay_with_a_neighbour_that_noise_hides(
     errors, deviations = [], []
     for _ in range(RUNS):
         noise = 0.1 * np.sqrt(np.mean(clean**2)) * random.normal(size=len(time))
-        found = identify_ringdown(time, clean + noise)
-        errors.append(np.array([found.natural_frequencies[0] - 1, found.damping_ratios[0] - zeta]))
-        deviations.append(np.array([found.frequency_deviations[0], found.damping_deviations[0]]))
+        ringdown = identify_ringdown(time, clean + noise)
+        errors.append(
+            np.array([ringdown.natural_frequencies[0] - 1, ringdown.damping_ratios[0] - zeta])
+        )
+        deviations.append(
+            np.array([ringdown.frequency_deviations[0], ringdown.damping_deviations[0]])
+        )
     held = np.mean(np.abs(errors) <= 3 * np.array(deviations), axis=0)
     assert np.all(held >= 0.9)
 
@@ -242,8 +252,8 @@ def test_where_one_percent_of_noise_hides_nothing_the_deviation_stays_small() ->
         clean = rang(time, [(1.0, zeta, 1.0)])
         size, ratios = 0.01 * np.sqrt(np.mean(clean**2)), []
         for _ in range(10):
-            found = identify_ringdown(time, clean + size * random.normal(size=len(time)))
-            ratios.append(found.frequency_deviations[0] / least_deviation(time, zeta, size))
+            ringdown = identify_ringdown(time, clean + size * random.normal(size=len(time)))
+            ratios.append(ringdown.frequency_deviations[0] / least_deviation(time, zeta, size))
         assert 0.9 < np.median(ratios) < most
 
 

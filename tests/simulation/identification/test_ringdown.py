@@ -33,17 +33,17 @@ def decay(time: np.ndarray, modes: list[tuple[float, float, float]]) -> np.ndarr
 def test_decay_of_known_modes() -> None:
     time = np.arange(0, 12, 1 / 60)
     modes = [(0.9, 0.01, 1.0), (1.3, 0.05, 0.4), (6.0, 0.0, 0.1)]
-    found = identify_ringdown(
+    ringdown = identify_ringdown(
         time, np.stack([decay(time, modes), decay(time, modes[:2])], axis=1), modes=3
     )
-    assert found.natural_frequencies == pytest.approx([0.9, 1.3, 6.0], rel=1e-9)
-    assert found.damping_ratios == pytest.approx([0.01, 0.05, 0.0], abs=1e-9)
-    np.testing.assert_allclose(found.amplitudes, [[1, 1], [0.4, 0.4], [0.1, 0]], atol=1e-9)
-    assert found.singular_values[6] < 1e-9 * found.singular_values[5]
+    assert ringdown.natural_frequencies == pytest.approx([0.9, 1.3, 6.0], rel=1e-9)
+    assert ringdown.damping_ratios == pytest.approx([0.01, 0.05, 0.0], abs=1e-9)
+    np.testing.assert_allclose(ringdown.amplitudes, [[1, 1], [0.4, 0.4], [0.1, 0]], atol=1e-9)
+    assert ringdown.singular_values[6] < 1e-9 * ringdown.singular_values[5]
     noisy = decay(time, modes[:2]) + 0.01 * np.random.default_rng(2).normal(size=len(time))
-    found = identify_ringdown(time, noisy, modes=2)
-    assert found.natural_frequencies == pytest.approx([0.9, 1.3], rel=2e-3)
-    assert found.residual < 0.05
+    ringdown = identify_ringdown(time, noisy, modes=2)
+    assert ringdown.natural_frequencies == pytest.approx([0.9, 1.3], rel=2e-3)
+    assert ringdown.residual < 0.05
 
 
 def test_faults_of_decays() -> None:
@@ -69,11 +69,14 @@ def test_one_sigma_of_a_decay_holds_68_percent() -> None:
     )
     inside = np.zeros((2, 4))
     for _ in range(count):
-        found = identify_ringdown(time, clean + 0.03 * random.normal(size=clean.shape), modes=2)
+        ringdown = identify_ringdown(time, clean + 0.03 * random.normal(size=clean.shape), modes=2)
         errors = np.abs(
-            [*(found.natural_frequencies - [0.9, 1.3]), *(found.damping_ratios - [0.01, 0.02])]
+            [
+                *(ringdown.natural_frequencies - [0.9, 1.3]),
+                *(ringdown.damping_ratios - [0.01, 0.02]),
+            ]
         )
-        deviations = np.array([*found.frequency_deviations, *found.damping_deviations])
+        deviations = np.array([*ringdown.frequency_deviations, *ringdown.damping_deviations])
         inside += errors < deviations * np.array([[1.0], [2.0]])
     for share, row in zip((0.683, 0.954), inside / count, strict=True):
         assert row == pytest.approx(
@@ -95,10 +98,10 @@ def test_struck_the_arm_rings_in_its_linear_modes(name: str, modes: int) -> None
     pose = np.array(
         {"paper_1dof": [0.0], "excavator_20t": WORST}.get(name, [0.3, 0.2, -1.2, -0.5])
     )
-    found = ad.natural_modes(machine.at(pose))
-    shapes = found.shapes[0] / np.abs(found.shapes[0]).max(axis=0)
-    velocity = shapes @ (1e-4 * 2 * math.pi * found.frequencies[0])
-    rate, duration = 16 * found.frequencies[0, -1], 8 / found.frequencies[0, 0]
+    natural = ad.natural_modes(machine.at(pose))
+    shapes = natural.shapes[0] / np.abs(natural.shapes[0]).max(axis=0)
+    velocity = shapes @ (1e-4 * 2 * math.pi * natural.frequencies[0])
+    rate, duration = 16 * natural.frequencies[0, -1], 8 / natural.frequencies[0, 0]
     run = simulate(
         machine, pose, {}, velocity=velocity, duration=duration, rate=rate, tolerance=1e-9
     )
@@ -106,7 +109,7 @@ def test_struck_the_arm_rings_in_its_linear_modes(name: str, modes: int) -> None
     assert run.energy_error < 1e-4
     assert np.ptp(run.supplied) == np.ptp(run.dissipated) == 0
     decayed = identify_ringdown(run.time, run.velocity, modes=modes)
-    assert decayed.natural_frequencies == pytest.approx(found.frequencies[0], rel=1e-3)
+    assert decayed.natural_frequencies == pytest.approx(natural.frequencies[0], rel=1e-3)
     assert decayed.damping_ratios == pytest.approx(np.zeros(modes), abs=1e-3)
 
 
@@ -124,7 +127,7 @@ class RaisedCosine:
 @pytest.fixture(scope="module")
 def rung() -> dict[str, tuple[Experiment, Simulation]]:
     """Both machines after a short pulse of one valve."""
-    found = {}
+    fits = {}
     for name, pose in (("paper_1dof", [0.0]), ("excavator_20t", WORST)):
         machine = ad.load(name).replace({"damped": False})
         machine = machine.with_payload("full") if name == "excavator_20t" else machine
@@ -138,8 +141,8 @@ def rung() -> dict[str, tuple[Experiment, Simulation]]:
             rate=one.rate,
             tolerance=1e-9,
         )
-        found[name] = one, run
-    return found
+        fits[name] = one, run
+    return fits
 
 
 @pytest.mark.slow
@@ -151,7 +154,7 @@ def test_plant_rings_in_its_linear_modes(
     one, run = rung[name]
     # the spools are shut again: 10 Hz, ζ = 0.8
     late = run.time > 2 / 10 + 0.2 / one.frequencies.max()
-    found = identify_ringdown(run.time[late], run.speeds[late], modes=modes)
+    ringdown = identify_ringdown(run.time[late], run.speeds[late], modes=modes)
     linear = linearize(one.machine, one.pose)
-    assert found.natural_frequencies == pytest.approx(linear.natural_frequencies, rel=2e-3)
-    assert found.damping_ratios == pytest.approx(linear.damping_ratios, abs=2e-3)
+    assert ringdown.natural_frequencies == pytest.approx(linear.natural_frequencies, rel=2e-3)
+    assert ringdown.damping_ratios == pytest.approx(linear.damping_ratios, abs=2e-3)

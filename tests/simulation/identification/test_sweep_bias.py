@@ -23,18 +23,18 @@ def test_the_peak_of_a_short_sweep_is_biased_and_the_fit_is_not() -> None:
     resonance √(1 − 2ζ²): speed peaks at the natural frequency. By another way: the exact spectrum
     of ∫ h(t − τ) u(τ) dτ over the record, as a sum.
     """
-    found = sweep_bias(periods=(10, 300), damping=(0.0, 0.05, 0.1)).set_index(
+    bias = sweep_bias(periods=(10, 300), damping=(0.0, 0.05, 0.1)).set_index(
         ["periods", "damping"]
     )
-    assert found["position_peak"][10, 0.05] == pytest.approx(-0.03, abs=1e-3)
-    assert found["position_peak"][300, 0.05] == pytest.approx(-0.0025, abs=3e-4)
+    assert bias["position_peak"][10, 0.05] == pytest.approx(-0.03, abs=1e-3)
+    assert bias["position_peak"][300, 0.05] == pytest.approx(-0.0025, abs=3e-4)
     for zeta in (0.0, 0.05, 0.1):
-        assert found["position_peak"][300, zeta] == pytest.approx(
+        assert bias["position_peak"][300, zeta] == pytest.approx(
             math.sqrt(1 - 2 * zeta**2) - 1, abs=4e-4
         )
-        assert found["speed_peak"][300, zeta] == pytest.approx(0, abs=4e-4)
-        assert found["speed_peak"][10, zeta] < -0.01
-    assert found["speed_fit"].abs().max() < 1e-4
+        assert bias["speed_peak"][300, zeta] == pytest.approx(0, abs=4e-4)
+        assert bias["speed_peak"][10, zeta] < -0.01
+    assert bias["speed_fit"].abs().max() < 1e-4
     time, zeta = np.arange(0, 10, 1 / 100), 0.05
     u = np.array(
         [SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=10.0)(t) for t in time]
@@ -45,7 +45,7 @@ def test_the_peak_of_a_short_sweep_is_biased_and_the_fit_is_not() -> None:
     lines = np.arange(0.9, 1.05, 2e-4)
     heights = np.abs(np.exp(-2j * math.pi * lines[:, None] * time) @ position)
     assert lines[np.argmax(heights)] - 1 == pytest.approx(
-        found["position_peak"][10, 0.05], abs=1e-3
+        bias["position_peak"][10, 0.05], abs=1e-3
     )
 
 

@@ -257,7 +257,7 @@ def said(process: subprocess.Popen[str]) -> list[str]:
 def test_two_processes_compile_at_once(tmp_path: Path) -> None:
     """For different types, of which a later one finds both, each its own."""
     environment = {"NUMBA_CACHE_DIR": str(tmp_path)}
-    both = [process(0, made, 2, **environment) for made in (1, 3)]
+    both = [process(0, count, 2, **environment) for count in (1, 3)]
     assert [said(one)[0] for one in both]
     assert said(process(0, 1, 2, 3, **environment))[0] == "3"
     assert len(files(tmp_path)) == 3

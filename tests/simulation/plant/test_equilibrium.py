@@ -33,8 +33,10 @@ def test_a_shut_valve_leaves_the_load_to_one_chamber(excavator: Machine, air: fl
     without alike.
     """
     machine = excavator.replace({"fluid.entrained_air_percent": air})
-    found, forces = started(machine, WORST), excavator.at(WORST).cylinder_forces[0]
-    for cylinder, force, (cap, annulus) in zip(excavator.cylinders, forces, found, strict=True):
+    pressures, forces = started(machine, WORST), excavator.at(WORST).cylinder_forces[0]
+    for cylinder, force, (cap, annulus) in zip(
+        excavator.cylinders, forces, pressures, strict=True
+    ):
         assert cylinder.bore_area * cap - cylinder.annulus_area * annulus == pytest.approx(
             force, rel=1e-9
         )
@@ -47,10 +49,10 @@ def test_check_map_and_runs_name_the_same_pressures(excavator: Machine) -> None:
     """
     machine = valves(excavator, ("stick",), preload_bar=40.0)
     workspace = ad.Workspace.grid(machine, 5)
-    found = ad.frequency_map(machine, workspace)
-    rows = (found.frame["payload"] == "full").to_numpy()
-    poses = found.frame.loc[rows, list(machine.joints)].to_numpy()
-    share, pressure = found.holding_pressures[rows], found.static_pressures[rows]
+    frequencies = ad.frequency_map(machine, workspace)
+    rows = (frequencies.frame["payload"] == "full").to_numpy()
+    poses = frequencies.frame.loc[rows, list(machine.joints)].to_numpy()
+    share, pressure = frequencies.holding_pressures[rows], frequencies.static_pressures[rows]
     np.testing.assert_allclose(share * machine.supply.pressure, pressure)
     loads = [load for load in inspect(machine, workspace).loads if load.payload == "full"]
     for i, load in enumerate(loads):
@@ -159,9 +161,9 @@ def test_a_low_relief_leaves_mode_and_sweep_alone(excavator: Machine) -> None:
         run = simulate(machine, LIGHT, {}, duration=1.0, preloaded=preloaded)
         assert run.events == ()
         assert np.ptp(run.extensions, axis=0).max() < 1e-9
-    found = validate(machine, LIGHT, cylinders=["boom"])
-    assert {run.remark for run in found.runs} == {"agrees"}
-    assert found.worst_deviation < 1e-3
+    validation = validate(machine, LIGHT, cylinders=["boom"])
+    assert {run.remark for run in validation.runs} == {"agrees"}
+    assert validation.worst_deviation < 1e-3
 
 
 def test_a_load_close_below_the_relief_is_swept_gently(excavator: Machine) -> None:
@@ -203,11 +205,11 @@ def test_a_load_above_the_relief_is_told(excavator: Machine) -> None:
     ):
         validate(machine, WORST, cylinders=["boom"])
     workspace = ad.Workspace.grid(machine, 7)
-    found = ad.frequency_map(machine, workspace)
-    share, most = found.beyond_reliefs["boom"]
-    beyond = found.holding_pressures[:, 0] * 350 > 170
-    assert share == pytest.approx(found.weights[beyond].sum() / found.weights.sum())
-    assert "boom needs more than its relief holds: up to" in map_sheets(found)[0].note
+    frequencies = ad.frequency_map(machine, workspace)
+    share, most = frequencies.beyond_reliefs["boom"]
+    beyond = frequencies.holding_pressures[:, 0] * 350 > 170
+    assert share == pytest.approx(frequencies.weights[beyond].sum() / frequencies.weights.sum())
+    assert "boom needs more than its relief holds: up to" in map_sheets(frequencies)[0].note
     odd = [
         finding for finding in inspect(machine, workspace).findings() if "relief" in finding.part
     ]
@@ -242,9 +244,9 @@ def test_tight_seals_rest_as_if_shut_and_creep() -> None:
     """
     leak = 5e-6 * l_per_min / bar
     machine, shut = with_leakage(ad.load("paper_1dof"), leak), ad.load("paper_1dof")
-    run, still = (simulate(one, [0.1], {}, duration=4.0, rate=10) for one in (machine, shut))
+    run, shut_run = (simulate(one, [0.1], {}, duration=4.0, rate=10) for one in (machine, shut))
     assert run.events == ()
-    np.testing.assert_array_equal(run.pressures[0], still.pressures[0])
+    np.testing.assert_array_equal(run.pressures[0], shut_run.pressures[0])
     cylinder = machine.cylinders[0]
     areas = np.array([cylinder.bore_area, cylinder.annulus_area])
     volumes = np.ravel(cylinder.volumes(run.extensions[0, 0]))

@@ -92,10 +92,10 @@ def test_acceleration_from_rest_is_inverse_inertia_times_torque(machine: Machine
         :, :, 0
     ]
     bars = [placed(machine, at, 0 * at)[4:] for at in q]
-    found = bodies.acceleration(
+    acceleration = bodies.acceleration(
         q, 0 * q, torque, BarLoads(*(np.array(part) for part in zip(*bars, strict=True)))
     )
-    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(acceleration, expected, rtol=1e-8, atol=1e-8)
     if not machine.has_bars:
         np.testing.assert_allclose(
             bodies.acceleration(q, 0 * q, torque), expected, rtol=1e-8, atol=1e-8

@@ -180,7 +180,7 @@ def test_every_combination_of_leaks_rests_or_says_that_it_cannot(name: str) -> N
     random = np.random.default_rng(sum(map(ord, name)))
     shipped = machines.rigid(name).replace({"damped": False})  # leaks are drawn
     low, high = shipped.ranges.T
-    asked = 0
+    combinations = 0
     for _ in range(8):
         machine = leaky(
             shipped.with_payload(str(random.choice(list(shipped.section.payload)))), random
@@ -195,8 +195,8 @@ def test_every_combination_of_leaks_rests_or_says_that_it_cannot(name: str) -> N
         for i, (actuator, one) in enumerate(zip(machine.actuators, held, strict=True)):
             static = max(actuator.static_pressures(forces[i], machine.supply))
             assert bool(one.overcome) == (static > actuator.relief(machine.supply))
-            if one.creeps and not asked:
-                asked += 1
+            if one.creeps and not combinations:
+                combinations += 1
                 assert nearest_balance(machine, actuator, i, forces[i]) > 1e-3
             elif not (one.overcome or one.creeps):
                 assert rate[i] < 1e-6
@@ -230,13 +230,13 @@ def test_a_flow_limited_pump_makes_up_for_leaks_below_its_pressure(excavator: Ma
     """
     machine = valves(excavator.replace({"supply.pump": "flow_limited"}), overlap_percent=-4.0)
     plant = Plant(machine)
-    rest = find_equilibrium(plant, WORST).state
-    found = plant.evaluate(rest[None], plant.split(rest)[4][None])
-    pump, line = machine.supply, float(plant.supply_pressure(rest[None])[0])
+    equilibrium = find_equilibrium(plant, WORST).state
+    derivatives = plant.evaluate(equilibrium[None], plant.split(equilibrium)[4][None])
+    pump, line = machine.supply, float(plant.supply_pressure(equilibrium[None])[0])
     given = pump.flow * (pump.pressure - line) / (pump.cut_off * pump.pressure)
-    assert found.outputs["supplied"].sum() == pytest.approx(given, rel=1e-9)
+    assert derivatives.outputs["supplied"].sum() == pytest.approx(given, rel=1e-9)
     assert given > 50 * l_per_min
-    assert np.abs(found.rates).max() < 1e-6
+    assert np.abs(derivatives.rates).max() < 1e-6
     wide = simulate(valves(machine, overlap_percent=-40.0), WORST, {}, duration=0.01)
     assert (
         "the pump gives less than what the valves let through at rest: its pressure falls from 0"

@@ -24,8 +24,10 @@ def ports(machine: Machine, spool: float) -> list[float]:
     plant = Plant(machine)
     state = plant.with_spools(np.zeros((1, plant.size)), spool)
     state[0, 2 * plant.nq : 2 * plant.nq + 2] = 100.0, 50.0
-    told = plant.evaluate(state, np.zeros((1, 1))).outputs[0, 0]
-    return list(((told["supplied"] - told["returned"] + told["leaked"]) / l_per_min).tolist())
+    outputs = plant.evaluate(state, np.zeros((1, 1))).outputs[0, 0]
+    return list(
+        ((outputs["supplied"] - outputs["returned"] + outputs["leaked"]) / l_per_min).tolist()
+    )
 
 
 def lifting(**changes: object) -> Machine:

@@ -46,8 +46,8 @@ def started(machine: Machine, pose: object, preloaded: bool | None = None) -> np
 def rates(machine: Machine, pose: object) -> np.ndarray:
     """Pressure rates (nc,) [bar/s] at rest, the larger of both chambers."""
     plant = Plant(machine)
-    rest = find_equilibrium(plant, pose).state  # type: ignore[arg-type]
+    equilibrium = find_equilibrium(plant, pose).state  # type: ignore[arg-type]
     _, _, cap, annulus, _, _ = plant.split(
-        plant.derivative(rest[None], plant.split(rest)[4][None])[0]
+        plant.derivative(equilibrium[None], plant.split(equilibrium)[4][None])[0]
     )
     return np.maximum(np.abs(cap), np.abs(annulus)) / bar

@@ -210,7 +210,7 @@ class _Conflict:
         alone: dict[str, float | None] = {}
         for subset in self.subsets:
             others = [other for other in self.subsets if other is not subset]
-            rest = {n: together[n] for names in others for n in names if n in together}
+            of_others = {n: together[n] for names in others for n in names if n in together}
             for name in subset if len(subset) > 1 else ():
                 alone[name] = None
                 if not of[name].setting:
@@ -218,7 +218,7 @@ class _Conflict:
                 relaxation = self.among.least_relaxation([(name,), *others], near)
                 if relaxation is None:
                     continue
-                amounts = {**rest, name: relaxation.amounts[name]}
+                amounts = {**of_others, name: relaxation.amounts[name]}
                 subsets = [(name,), *others]
                 given, enough = _enough(self.search, subsets, of, amounts, {}, relaxation.x)
                 if enough:

@@ -62,10 +62,10 @@ OF_A_CATALOGUE = [  # those of the first seeds that are in conflict
 def asked_at_random(machine: Machine, seed: int) -> Requirements:
     """Two to five kinds of requirements, tightened at random."""
     random = np.random.default_rng(seed)
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for kind in random.choice(sorted(ASKED), size=random.integers(2, 6), replace=False):
-        found |= ASKED[kind](machine, random)
-    return replace(Requirements.of(machine), **found)
+        settings |= ASKED[kind](machine, random)
+    return replace(Requirements.of(machine), **settings)
 
 
 @pytest.mark.slow
@@ -204,19 +204,19 @@ def test_no_holding_share_above_one_is_asked_for_with_a_catalogue() -> None:
 
 def test_what_conflicts_still_after_all_grants_is_named() -> None:
     """Refusals that go on, each of what was granted before: the last is told by name."""
-    problem, asked = problem_of("single", ("areas",)), []
+    problem, looked_at = problem_of("single", ("areas",)), []
 
     def never(given: Problem) -> None:
-        asked.append(given.requirements.setting("thrust_share.lift") + 0.01)
+        looked_at.append(given.requirements.setting("thrust_share.lift") + 0.01)
         checks = check(given.machine, given.machine, given.workspace, given.requirements)
         (thrust,) = (c for c in checks if c.name == "thrust.lift")
         identity, amount = thrust.identity, 0.01 * thrust.limit
-        one = Concession(**identity, together=amount, alone=None, value=asked[-1])
+        one = Concession(**identity, together=amount, alone=None, value=looked_at[-1])
         raise conflict_error("odd", [one])
 
     with pytest.raises(InfeasibleError, match=r"when all before was granted, thrust\.lift"):
         design_or_proof(problem, never, catalogue=False)
-    assert len(asked) == GRANTS
+    assert len(looked_at) == GRANTS
 
 
 def test_digging_that_counts_only_under_less_torque_joins_a_conflict() -> None:

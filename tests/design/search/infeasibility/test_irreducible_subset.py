@@ -99,18 +99,18 @@ def test_three_by_hand() -> None:
     """
     settings = {"oil_total_share": 0.9, "digging": ("lift", "fold"), "digging_share": 0.99}
     conflict = refused("double", ("areas",), **settings).conflict
-    found = {c.name: c for c in conflict}
-    assert list(found) == ["oil.cap.total", "digging.lift", "digging.fold"]
+    by_name = {c.name: c for c in conflict}
+    assert list(by_name) == ["oil.cap.total", "digging.lift", "digging.fold"]
     for c in conflict:  # what rounding takes: a grid step of a bore is 0.2 % of its area
         assert c.together / c.limit == pytest.approx(0.09 / 1.89, rel=0.02)
-    assert found["oil.cap.total"].alone == pytest.approx(
-        found["oil.cap.total"].limit * 0.1, rel=0.02
+    assert by_name["oil.cap.total"].alone == pytest.approx(
+        by_name["oil.cap.total"].limit * 0.1, rel=0.02
     )
     swept = np.array([c.bore_area * c.stroke for c in MACHINES["double"]().cylinders])
     for name, own in zip(("digging.lift", "digging.fold"), swept, strict=True):
         # of its limit: all of the oil that lacks, from one bore
         share = 0.09 * swept.sum() / own / 0.99
-        assert found[name].alone == pytest.approx(share * found[name].limit, rel=0.02)
+        assert by_name[name].alone == pytest.approx(share * by_name[name].limit, rel=0.02)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from tests.design.designs import MACHINES, workspace_of
 def test_one_cylinder_gives_and_the_other_keeps() -> None:
     """A ≤ 0.9 and A ≥ 0.99 of today's for one cylinder: the numbers of ``test_two_by_hand``."""
     machine, space = MACHINES["double"](), workspace_of("double")
-    asked = Requirements(
+    requirements = Requirements(
         thrust_share={"lift": 0.9},
         torque_share={"lift": 0.99},
         buckling_share={"lift": 0.1},
@@ -28,14 +28,14 @@ def test_one_cylinder_gives_and_the_other_keeps() -> None:
         oil_each_share=1.2,
     )
     with pytest.raises(InfeasibleError) as error:
-        ad.optimize(machine, space, asked, ("areas",), starts=1)
+        ad.optimize(machine, space, requirements, ("areas",), starts=1)
     thrust, torque = error.value.conflict
     assert (thrust.setting, torque.setting) == ("thrust_share.lift", "torque_share.lift")
     assert torque.name == "torque.extending.lift"
     # a grid step of the bore is 0.2 % of its area
     assert thrust.together / thrust.limit == pytest.approx(0.09 / 1.89, rel=0.03)
     assert "thrust_share.lift = " in str(error.value)
-    granted = asked.granting(error.value.conflict)
+    granted = requirements.granting(error.value.conflict)
     assert granted.thrust_share == {"default": 1.1, "lift": thrust.value}
     assert granted.torque_share == {"default": 0.95, "lift": torque.value}
     design = ad.optimize(machine, space, granted, ("areas",), starts=1)
@@ -50,12 +50,12 @@ Asked = Callable[[Machine, np.random.Generator], dict[str, Any]]
 def _some(key: str, low: float, high: float) -> Asked:
     """A share for all actuators, or for one of them."""
 
-    def asked(machine: Machine, random: np.random.Generator) -> dict[str, Any]:
+    def settings_at_random(machine: Machine, random: np.random.Generator) -> dict[str, Any]:
         share = random.uniform(low, high)
         name = random.choice([actuator.name for actuator in machine.actuators])
         return {key: {str(name): share} if random.random() < 0.7 else share}
 
-    return asked
+    return settings_at_random
 
 
 ASKED: dict[str, Asked] = {
@@ -84,16 +84,16 @@ def test_granting_what_a_conflict_says_gives_a_design(
     random, given = np.random.default_rng(seed), dict[str, Any]()
     for kind in random.choice(sorted(ASKED), size=random.integers(3, 6), replace=False):
         given |= ASKED[kind](machine, random)
-    granted = asked = replace(Requirements.of(machine), **given)
+    granted = requirements = replace(Requirements.of(machine), **given)
     try:
-        design = ad.optimize(machine, workspace, asked, vary=vary, starts=1)
+        design = ad.optimize(machine, workspace, requirements, vary=vary, starts=1)
     except InfeasibleError as error:
-        granted = asked.granting(error.conflict)
+        granted = requirements.granting(error.conflict)
         design = ad.optimize(machine, workspace, granted, vary=vary, starts=1)
         named = {c.setting for c in error.conflict}
         for key in BY_ACTUATOR:
             for actuator in machine.actuators:
                 path = f"{key}.{actuator.name}"
-                assert path in named or granted.setting(path) == asked.setting(path)
+                assert path in named or granted.setting(path) == requirements.setting(path)
     stated = replace(granted, pin_box=granted.box(machine, workspace))
     assert min(c.slack for c in check(design.machine, machine, workspace, stated)) >= -1e-9

@@ -1,0 +1,130 @@
+"""Arguments of public functions: a wrong type is an error of one line that names it."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import numbers
+import os
+import reprlib
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, ParamSpec, TypeVar
+
+from armdesign.errors import ArmDesignError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {  # by name in annotations, and in words
+    "None": (type(None), "None"),
+    "bool": (object, "True or False"),  # whatever is true or not
+    "int": (numbers.Integral, "a whole number"),
+    "float": (numbers.Real, "a number"),
+    "str": (str, "a text"),
+    "Path": ((str, os.PathLike), "a path"),
+    "Sequence": (Iterable, "a list"),  # arrays and series are none of Python's sequences
+    "Iterable": (Iterable, "a list"),
+    "tuple": (Iterable, "a tuple"),
+    "Mapping": (Mapping, "a dict"),
+    "Callable": (Callable, "a function"),  # type: ignore[dict-item]
+}
+MADE_BY = {  # classes of the package, which are known by their names
+    "Machine": 'ad.load("excavator_20t")',
+    "Workspace": "ad.Workspace.grid(machine)",
+    "Requirements": "ad.Requirements(lift_share=0.95)",
+    "Bands": "ad.Bands(structure=(0.0, 0.4))",
+    "Poses": "machine.at(q)",
+    "FrequencyMap": "ad.frequency_map(machine)",
+    "BandwidthMap": "ad.bandwidth_map(machine)",
+    "LiftChart": "ad.lift_chart(machine)",
+    "Design": "ad.optimize(machine)",
+    "SimulationCase": "ad.SimulationCase(machine, q, command, duration=1.0)",
+    "Shaper": "ad.workspace_shaper(frequencies)",
+    "RigidPoses": "machine.rigid_poses(q)",
+    "DataFrame": 'pd.read_csv("measured.csv")',
+    "Measured": "",
+    "Recording": "",
+}
+LISTS = (list, tuple, str, dict)  # whose items may be looked at without using them up
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, which fails on an argument of a wrong type in one line that names it.
+
+    The function itself judges first, because it knows more of its values. If it ends in an error
+    that is not the package's, an argument that its annotations do not allow is at fault; without
+    such an argument the error stays as it is. Annotations that are neither a plain type nor a
+    class of the package, as aliases and arrays, allow everything.
+
+    Raises:
+        ArmDesignError: from the function made, for an argument of another type.
+    """
+    signature, annotations = inspect.signature(function), function.__annotations__
+
+    @functools.wraps(function)
+    def judged(*words: P.args, **named: P.kwargs) -> R:
+        try:
+            return function(*words, **named)
+        except ArmDesignError:
+            raise
+        except Exception:
+            try:
+                given = signature.bind(*words, **named).arguments
+            except TypeError:
+                given = {}  # one is missing or unknown, as Python says
+            for name, kind in annotations.items():
+                if name in given:
+                    refuse_unless(name, given[name], kind)
+            raise
+
+    return judged
+
+
+def refuse_unless(name: str, value: Any, annotation: str) -> None:
+    """Raise for the argument of this name if its annotation does not allow the value."""
+    kind = ast.parse(annotation, mode="eval").body
+    if not _fits(value, kind):
+        remedy = f"give {' or '.join(dict.fromkeys(_in_words(kind)))}"
+        raise ArmDesignError(name, f"{reprlib.repr(value)} is not allowed", remedy) from None
+
+
+def _fits(value: Any, kind: ast.expr) -> bool:
+    """Whether the value is of the type; items are looked at where that does not use them up."""
+    match kind:
+        case ast.BinOp(left=left, right=right):
+            return _fits(value, left) or _fits(value, right)
+        case ast.Constant(value=None):
+            return value is None
+        case ast.Name(id=name) if name in TYPES:
+            return isinstance(value, TYPES[name][0])
+        case ast.Name(id=name) | ast.Attribute(attr=name) if name in MADE_BY:
+            return any(of.__name__ == name for of in type(value).__mro__)
+        case ast.Subscript(value=of, slice=ast.Tuple(elts=[key, item])) if isinstance(value, dict):
+            return _fits(value, of) and all(_fits(k, key) and _fits(value[k], item) for k in value)
+        case ast.Subscript(value=of, slice=ast.Tuple(elts=items)) if isinstance(value, LISTS):
+            same = _fits(value, of) and len(value) == len(items)
+            return same and all(map(_fits, value, items))
+        case ast.Subscript(value=of, slice=item) if isinstance(value, LISTS):
+            return _fits(value, of) and all(_fits(one, item) for one in value)
+        case ast.Subscript(value=of):
+            return _fits(value, of)
+    return True
+
+
+def _in_words(kind: ast.expr) -> list[str]:
+    """What the type allows, in words for each of its alternatives."""
+    match kind:
+        case ast.BinOp(left=left, right=right):
+            return _in_words(left) + _in_words(right)
+        case ast.Constant(value=None):
+            return [TYPES["None"][1]]
+        case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=item):
+            return [f"a list, each {' or '.join(_in_words(item))}"]
+        case ast.Subscript(value=of):
+            return _in_words(of)
+        case ast.Name(id=name) if name in TYPES:
+            return [TYPES[name][1]]
+        case ast.Name(id=name) | ast.Attribute(attr=name) if name in MADE_BY:
+            return [f"a {name}" + (f" (as {MADE_BY[name]})" if MADE_BY[name] else "")]
+    return [ast.unparse(kind)]

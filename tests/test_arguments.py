@@ -1,0 +1,100 @@
+"""Arguments of public functions: whatever is of a wrong type is refused in one line."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.arguments import checked
+from tests import machines
+
+ONE = machines.named("paper_1dof")
+HERE = [0.0]
+TIME = np.arange(0.0, 10.0, 0.01)
+GOOD = {  # what a function cannot do without, by name
+    "machine": ONE,
+    "workspace": ad.Workspace.grid(ONE, points=3),
+    "q": HERE,
+    "start": HERE,
+    "end": [0.3],
+    "command": {"lift": 0.1},
+    "duration": 0.1,
+    "frequency": 1.0,
+    "changes": {"cylinder.lift.bore_mm": 100},
+    "measured": "measured.csv",
+    "fit": ["fluid.bulk_modulus_MPa"],
+    "path": "x.csv",
+    "time": TIME,
+    "excitation": np.sin(TIME),
+    "response": np.cos(TIME),
+    "band": (1.0, 3.0),
+    "segment": 2.0,
+}
+DOORS = {
+    name: getattr(ad, name) for name in ad.__all__ if inspect.isfunction(getattr(ad, name))
+} | {"Workspace.grid": ad.Workspace.grid}
+ARGUMENTS = [
+    (door, parameter.name)
+    for door, function in DOORS.items()
+    for parameter in inspect.signature(function).parameters.values()
+    if parameter.annotation not in ("bool", "bool | None")  # whatever is true or not
+    and parameter.name not in ("part", "seed")  # a name in messages; asked for by some tasks only
+]
+
+
+def refusal(function: Any, name: str, value: object) -> str:
+    """What the function says of this value, all that it cannot do without being right."""
+    parameters = inspect.signature(function).parameters.values()
+    needed = [p.name for p in parameters if p.default is p.empty]
+    with pytest.raises(ad.ArmDesignError) as refused:
+        function(**{key: GOOD.get(key) for key in needed} | {name: value})
+    text = str(refused.value)
+    assert "\n" not in text
+    assert len(text) < 400
+    return text
+
+
+@pytest.mark.parametrize(("door", "name"), ARGUMENTS)
+def test_a_wrong_type_is_refused(
+    door: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An object that is nothing, and what no argument can be: lists of such objects."""
+    monkeypatch.chdir(tmp_path)
+    refusal(DOORS[door], name, object())
+    refusal(DOORS[door], name, [object()])
+
+
+@pytest.mark.parametrize("door", ["sweep", "optimize", "frequency_map", "linearize", "plan_move"])
+def test_the_line_says_what_to_give(door: str) -> None:
+    assert refusal(DOORS[door], "machine", 5) in (
+        'machine: 5 is not allowed; give a Machine (as ad.load("excavator_20t"))',
+        'machine: 5 is not allowed; give a Machine (as ad.load("excavator_20t")) or a text or a'
+        ' path or a list, each a Machine (as ad.load("excavator_20t")) or a text or a path',
+    )
+
+
+def test_numbers_of_all_libraries_are_numbers() -> None:
+    """The argument that is at fault is found among those that are not."""
+
+    @checked
+    def failing(number: float, count: int, several: list[float], pair: tuple[int, int]) -> None:
+        raise TypeError("of something else")
+
+    array = np.array([1.0, 2.0])
+    for number, count, pair in ((1, 2, (1, 2)), (np.float32(1), np.int64(2), [1, 2])):
+        with pytest.raises(TypeError, match="of something else"):
+            failing(number, count, array, pair)  # type: ignore[arg-type]
+    with pytest.raises(ad.ArmDesignError, match=r"^pair: "):
+        failing(1.0, 2, [], (1, 2, 3))  # type: ignore[arg-type]
+
+
+def test_a_wrong_call_is_pythons_own_error() -> None:
+    with pytest.raises(TypeError, match=r"least\(\) missing 1 required keyword-only argument"):
+        ad.least(ONE)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"got an unexpected keyword argument 'x'"):
+        ad.frequency_map(ONE, x=1)  # type: ignore[call-arg]
