@@ -26,6 +26,8 @@ from armdesign.units import bar
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Axes
+
 DIGITS = 2  # significant, of a deviation; the value ends where it ends
 
 
@@ -161,7 +163,7 @@ class Calibration:
         command = f"armdesign.calibrate(measured={self.measured.source!r}, fit={fitted!r})"
         return self.written_by(command).save(path, overwrite=overwrite)
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Axes with measured, computed and left-out frequencies of every measurement."""
         from armdesign.plots.calibrations import measured_and_computed
 

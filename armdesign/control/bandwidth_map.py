@@ -51,6 +51,8 @@ from armdesign.units import deg
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Axes
+
 SCHEMES = ("proportional", "damped", "own")
 GAIN_ERROR = 0.15  # of the valve's gain, as a controller knows it: what feed-forward leaves
 RULE = 3.0  # usual practice: a bandwidth of a third of the lowest natural frequency
@@ -160,7 +162,7 @@ class BandwidthMap(ReadOnly):
                 shares[actuator.name] = slower
         return shares
 
-    def plot(self, ax: Any = None, scheme: str = "own", **limits: float) -> Any:
+    def plot(self, ax: Axes | None = None, scheme: str = "own", **limits: float) -> Axes:
         """Heatmap of a scheme's narrowest bandwidth over two joints."""
         from armdesign import plots
 

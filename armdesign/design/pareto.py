@@ -34,6 +34,8 @@ from armdesign.short_repr import short_repr
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Axes
+
 SHARES = {  # what is tried unless told: shares of today's, of a pin box of the default box
     "oil": (0.8, 0.9, 1.0, 1.1, 1.2),
     "thrust": (0.9, 1.0, 1.1, 1.2, 1.3),
@@ -100,7 +102,7 @@ class Pareto:
             f"{self.against} {limit:g} is left out: {why}" for limit, why in self.left_out.items()
         ]
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Worst frequency over the limit, with today's machine; returns the axes."""
         from armdesign import plots
 

@@ -37,6 +37,8 @@ from armdesign.short_repr import short_repr
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Axes
+
 SETS = 24  # of so many pins that are all searched
 
 Pins = tuple[str, ...]  # key paths of pins that move
@@ -105,7 +107,7 @@ class Steps:
     steps: tuple[DesignStep, ...]
     left_out: dict[int, str]
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Gain by pins moved, and which they are; returns the axes."""
         from armdesign import plots
 

@@ -23,7 +23,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from armdesign.frequency.worst_frequency import Worst, lowest_of_poses, worst_fr
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 SAMPLES = 5  # of a mass, ends included, where the oil carries air
 BETWEEN = 15  # places between the corners at which gains are judged: one band's sixteenths
@@ -282,7 +285,7 @@ class FrequencyBand:
         pairs = zip(self._frequencies, today._frequencies, strict=True)
         return min((new / old for new, old in pairs if old > 0), default=math.inf) - 1
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Axes with the worst frequency at every corner of the bands."""
         from armdesign import plots
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from armdesign.plots.canvas import Axes
 
 STIFFNESS = "hydraulic", "gravity", "geometric", "springs"  # parts of K; the last if there are any
 PERCENTILES = (1, 5, 25, 50, 75, 95)
@@ -192,7 +194,7 @@ class FrequencyMap(ReadOnly):
         points = np.stack([self.machine.arm.reach(q, tool), tool[:, 2], lowest], axis=1)
         return reach_map(list(load_cases(self.machine, self.workspace)), points, cells)
 
-    def plot(self, ax: Any = None, plane: str = "joints", **limits: float) -> Any:
+    def plot(self, ax: Axes | None = None, plane: str = "joints", **limits: float) -> Axes:
         """Heatmap of the lowest coupled frequency over two joints or over reach and height."""
         from armdesign import plots
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.short_repr import short_repr
 from armdesign.units import GRAVITY
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 Numbers = TypeVar("Numbers", float, Array)
 
@@ -48,7 +51,7 @@ class Modes(ReadOnly):
     locked_frequencies: Array
     rigid_frequencies: Array
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Axes with the coupled frequencies pose by pose, and the locked ones beside them."""
         from armdesign import plots
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from armdesign.frequency.spread import (
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 CELLS = 90  # along the longer side
 INSIDE = 20_000  # poses inside the joint box, half as many on its faces, edges and so on
@@ -66,7 +69,7 @@ class ReachMap:
     height: Array
     frequency: Array
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Lowest frequency by reach and height; returns the axes."""
         from armdesign import plots
 

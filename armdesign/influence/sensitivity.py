@@ -31,6 +31,8 @@ from armdesign.units import WORKSHOP, Units
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Axes
+
 T = TypeVar("T", float, Array)
 NEGLIGIBLE = 1e-6  # change of the worst frequency by a natural step, relative, that is none
 PART = 0.01  # of a natural step, by which any quantity is differenced
@@ -200,7 +202,7 @@ class Sensitivity(ReadOnly):
             ),
         )
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """The tornado: change of the worst frequency by a natural step of each number."""
         from armdesign import plots
 

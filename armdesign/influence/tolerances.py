@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +29,8 @@ from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from armdesign.plots.canvas import Axes
 
 COUNT, MOST = 10_000, 1_000_000  # machines
 LOOKED_AT = 32  # machines whose poses are searched, not followed alone
@@ -223,7 +225,7 @@ class Tolerances(ReadOnly):
             ),
         )
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Distribution of the worst frequency, exact and by the derivatives."""
         from armdesign import plots
 

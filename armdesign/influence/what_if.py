@@ -34,6 +34,8 @@ from armdesign.units import WORKSHOP, Units
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Axes
+
 Quantities: TypeAlias = Mapping[str, tuple[Any, str]]  # value and SI unit by name
 More: TypeAlias = Callable[[FrequencyMap], Quantities]
 PART = 0.01  # of the change, by which quantities are differenced
@@ -135,7 +137,7 @@ class WhatIf:
             note=f"{len(known)} points; every point is in what_if.csv, by reach and height",
         )
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Relative changes of all quantities, linear against exact."""
         from armdesign import plots
 

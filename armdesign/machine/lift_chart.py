@@ -33,6 +33,8 @@ from armdesign.units import mm
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Axes
+
 HYDRAULIC_SHARE, TIPPING_SHARE = 0.87, 0.75  # ISO 10567
 TIPPING = "tipping"
 STEPS = 6  # in the reach of the tool, about
@@ -119,7 +121,7 @@ class LiftChart(ReadOnly):
         columns |= dict(zip(self.machine.joints, self.q.T, strict=True))
         return pd.DataFrame(columns)
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """The chart as a picture; returns the axes."""
         from armdesign import plots
 

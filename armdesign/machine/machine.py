@@ -6,12 +6,11 @@ reads it again, ``save`` writes it. So whatever a machine answers, its file answ
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,6 +42,9 @@ from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
 from armdesign.short_repr import machine_repr
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -204,12 +206,11 @@ class Machine:
         too; the file itself does not change.
         """
         if isinstance(payload, str):
-            case = case_named(payload, self.payloads, self.name)
-            return dataclasses.replace(self, payload=case)
+            return replace(self, payload=case_named(payload, self.payloads, self.name))
         case = case_of_mass(payload, (self.payload, *self.payloads), self.name)
-        return dataclasses.replace(self, payload=case, payloads=(*self._cases_of_file, case))
+        return replace(self, payload=case, payloads=(*self._cases_of_file, case))
 
-    def plot(self, q: ArrayLike | None = None, ax: Any = None) -> Any:
+    def plot(self, q: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
         """Side view to scale at q (nq,) [rad, m], by default mid ranges; returns the axes."""
         from armdesign.plots.machines import machine_drawing
 
@@ -227,7 +228,7 @@ class Machine:
     def loaded_like(self, other: Machine) -> Machine:
         """This machine with the load case at work of another, and with its masses."""
         own = tuple(case for case in other.payloads if case.name not in other.section.payload)
-        machine = dataclasses.replace(self, payloads=(*self._cases_of_file, *own))
+        machine = replace(self, payloads=(*self._cases_of_file, *own))
         return machine.with_payload(other.payload.name)
 
     def replace(self, changes: Mapping[str, Any]) -> Machine:

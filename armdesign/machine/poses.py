@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,7 @@ from armdesign.units import SI, Units, deg, outward
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.arm import RigidPoses
+    from armdesign.plots.canvas import Axes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,7 +100,7 @@ class Poses(ReadOnly):
         diagonal[:, self.q.shape[1] :] += self.spring_stiffness
         return stiffness
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Axes with the static force of every actuator, pose by pose."""
         from armdesign import plots
 

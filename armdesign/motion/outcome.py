@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from armdesign.arrays import Array, ReadOnly
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
 from armdesign.simulation.run import SETTLED, Simulation
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 PERIODS = 6.0  # of the lowest mode that are looked at after the spools have come to rest
 
@@ -63,7 +66,7 @@ class MoveRun(ReadOnly):
         frequency = np.fft.rfftfreq(len(self.time), self.time[1] - self.time[0])
         return frequency, np.linalg.norm(lines, axis=1)
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Residual oscillation of the tool; returns the axes."""
         from armdesign import plots
 

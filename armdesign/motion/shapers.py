@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,9 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError
 from armdesign.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 TOLERATED = 0.05  # residual vibration, over the vibration after a step
 MOST_IMPULSES = 200
@@ -284,7 +287,7 @@ class Shaper(ReadOnly):
         ]
         return np.stack(columns, axis=-1)
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Draw residual vibration against frequency."""
         from armdesign import plots
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.paper.configurations import FORMULAS, PUBLISHED
-from armdesign.plots.canvas import COMPUTED, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, MARK, Style, figure, literal
 from armdesign.plots.charts import Chart, Curve
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from armdesign.paper.errata import Erratum
     from armdesign.paper.reproduction import Reproduction
+    from armdesign.plots.canvas import Axes
 
 
 def paper_sheets(
@@ -266,7 +267,7 @@ def paper_pair(reproduction: Reproduction, formula: str) -> Any:
     return fig
 
 
-def curve_family(ax: Any, x: Array, family: Array, y: Array, *, label: str, **style: Any) -> None:
+def curve_family(ax: Axes, x: Array, family: Array, y: Array, *, label: str, **style: Any) -> None:
     """One curve of y (n,) over x (n,) for each value of ``family`` (n,), under one label."""
     for value in np.unique(family):
         rows = np.flatnonzero(family == value)
@@ -275,11 +276,16 @@ def curve_family(ax: Any, x: Array, family: Array, y: Array, *, label: str, **st
         label = "_nolegend_"
 
 
-def name_ends(ax: Any, x: Array, family: Array, y: Array, unit: str) -> None:
+def name_ends(ax: Axes, x: Array, family: Array, y: Array, unit: str) -> None:
     """The value of each curve's ``family`` (n,) beside its left end, in a margin made for it."""
     low, high = float(x.min()), float(x.max())
     ax.set_xlim(low - 0.16 * (high - low), high + 0.04 * (high - low))
-    beside = {"xytext": (-6, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
+    beside: Style = {
+        "xytext": (-6, 0),
+        "textcoords": "offset points",
+        "ha": "right",
+        "va": "center",
+    }
     for row in np.flatnonzero(x == low):
         words = f"{family[row]:g} {unit}"
         ax.annotate(words, (low, y[row]), **beside, fontsize=6.5, color=COMPUTED)

@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, literal
 
 if TYPE_CHECKING:
     from armdesign.calibration.calibrate import Calibration
+    from armdesign.plots.canvas import Axes
 
 
 @literal
-def measured_and_computed(calibration: Calibration, ax: Any = None) -> Any:
+def measured_and_computed(calibration: Calibration, ax: Axes | None = None) -> Axes:
     """Axes with the frequencies of every measurement: measured, before, calibrated, left out."""
     ax = figure(1, 7.0, 4.6)[1][0] if ax is None else ax
     frame = calibration.frame.dropna(subset=["measured_hz"])
@@ -23,7 +24,7 @@ def measured_and_computed(calibration: Calibration, ax: Any = None) -> Any:
     ax.plot(numbers, frame["calibrated_hz"], "o", color=MARK, label="calibrated")
     ax.plot(numbers, left_out, "x", color=COMPUTED, label="predicted with it left out of the fit")
     deviations = 2 * frame["deviation_hz"]
-    style = {"fmt": "_", "color": INK, "capsize": 3, "ms": 14}
+    style: Style = {"fmt": "_", "color": INK, "capsize": 3, "ms": 14}
     ax.errorbar(numbers, measured, deviations, **style, label="measured, ± 2 deviations")
     ax.set(xlabel="measurement", ylabel="frequency [Hz]", ylim=(0, None))
     _finish(ax, numbers)
@@ -31,10 +32,11 @@ def measured_and_computed(calibration: Calibration, ax: Any = None) -> Any:
 
 
 @literal
-def errors_and_deviations(calibration: Calibration, ax: Any) -> Any:
+def errors_and_deviations(calibration: Calibration, ax: Axes) -> Axes:
     """Axes with the errors of every measurement, calibrated and left out."""
     frame = calibration.frame.dropna(subset=["measured_hz"])
-    numbers, style = frame.index + 1, {"fmt": "_", "color": INK, "capsize": 3}
+    numbers = frame.index + 1
+    style: Style = {"fmt": "_", "color": INK, "capsize": 3}
     deviations = 200 * frame["deviation_hz"] / frame["measured_hz"]
     ax.errorbar(numbers, 0 * deviations, deviations, **style, label="± 2 deviations")
     ax.plot(numbers, 100 * frame["calibrated_error"], "o", color=MARK, label="calibrated")
@@ -52,7 +54,7 @@ def calibration_figure(calibration: Calibration) -> Any:
     return fig
 
 
-def _finish(ax: Any, numbers: Any) -> None:
+def _finish(ax: Axes, numbers: Any) -> None:
     ax.set_xticks(np.asarray(numbers))
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.plots.canvas import INK
+from armdesign.plots.canvas import INK, Style
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 EDGE = 0.012  # of the axes' width, between its side and a column
 BESIDES = 1.7  # [in] of a figure's height that its axes leave to title, ticks and legend
@@ -34,7 +37,7 @@ class Label:
     colour: str
 
 
-def place_labels(ax: Any, labels: Sequence[Label]) -> None:
+def place_labels(ax: Axes, labels: Sequence[Label]) -> None:
     """Write labels in two columns, in the order of their points' heights, evenly apart.
 
     The half of the points further left goes to the left.
@@ -48,11 +51,11 @@ def place_labels(ax: Any, labels: Sequence[Label]) -> None:
             _write(ax, one, side, float(height))
 
 
-def _rows(ax: Any, column: Sequence[Label]) -> Array:
+def _rows(ax: Axes, column: Sequence[Label]) -> Array:
     """Heights of labels in a column, from its top, each as near to its point as room allows."""
     low, high = ax.get_ylim()
     wanted = np.clip([(one.at[1] - low) / (high - low) for one in column], LOW, HIGH)
-    height = max(ax.figure.get_size_inches()[1] - BESIDES, 1.0)
+    height = max(ax.figure.bbox.height / ax.figure.dpi - BESIDES, 1.0)
     apart = min(APART / height, (HIGH - LOW) / max(len(column) - 1, 1))
     rows = wanted.copy()
     for _ in range(200):  # neighbours push each other apart
@@ -66,9 +69,9 @@ def _rows(ax: Any, column: Sequence[Label]) -> Array:
     return np.asarray(rows)
 
 
-def _write(ax: Any, label: Label, side: str, height: float) -> None:
+def _write(ax: Axes, label: Label, side: str, height: float) -> None:
     x = EDGE if side == "left" else 1 - EDGE
-    text = {"xycoords": ax.transAxes, "ha": side, "zorder": 10, "annotation_clip": False}
+    text: Style = {"xycoords": ax.transAxes, "ha": side, "zorder": 10, "annotation_clip": False}
     text["bbox"] = {"fc": "white", "ec": "none", "pad": 0.4, "alpha": 0.8}  # lines end there
     head = ax.annotate(label.head, (x, height), va="bottom", color=label.colour, **text)
     head.set(fontsize=8, fontweight="bold", zorder=11)  # over the white of the line below
@@ -77,5 +80,5 @@ def _write(ax: Any, label: Label, side: str, height: float) -> None:
     longer, edge = (head, 0.0) if wide[0] >= wide[1] else (below, 1.0)
     inner = (1.0 if side == "left" else 0.0, edge)
     leader = {"arrowstyle": "-", "color": label.colour, "lw": 0.6, "shrinkA": 3, "shrinkB": 3}
-    way = {"textcoords": longer, "arrowprops": leader, "annotation_clip": False}
-    ax.annotate("", label.at, inner, **way, zorder=6)
+    way: Style = {"textcoords": longer, "arrowprops": leader, "annotation_clip": False}
+    ax.annotate("", tuple(label.at), inner, **way, zorder=6)

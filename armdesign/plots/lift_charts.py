@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.plots.canvas import COLOURS, INK, figure, literal
+from armdesign.plots.canvas import COLOURS, INK, Style, figure, literal
 from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
 
 if TYPE_CHECKING:
     from armdesign.machine.lift_chart import LiftChart
+    from armdesign.plots.canvas import Axes
 
 KILOGRAMS = "lift capacity [kg]"
 
 
 @literal
-def lift_chart(chart: LiftChart, ax: Any = None, **limits: float) -> Any:
+def lift_chart(chart: LiftChart, ax: Axes | None = None, **limits: float) -> Axes:
     """Capacity at every point, and what limits it there.
 
     Args:
@@ -68,18 +69,18 @@ def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
 
 
 def _points(
-    ax: Any,
+    ax: Axes,
     at: tuple[Array, Array],
     values: Array,
     words: Sequence[tuple[str, ...]],
     label: str,
     colours: str,
-    limits: Mapping[str, float],
+    limits: Style,
 ) -> None:
     """Coloured points with lines of words below them."""
     drawn = ax.scatter(*at, c=values, s=130, cmap=colours, edgecolors=INK, zorder=3, **limits)
     colour_bar(ax, drawn, label)
-    style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
+    style: Style = {"ha": "center", "va": "top", "fontsize": 7, "color": INK}
     for x, z, lines in zip(*at, words, strict=True):
         for k, line in enumerate(lines):
             ax.annotate(line, (x, z), (0, -6.5 - 7 * k), textcoords="offset points", **style)

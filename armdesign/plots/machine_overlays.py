@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.moved_pins import PinMove, changed_bars, moved_pins
 from armdesign.drawing.side_view import SideView, side_view
-from armdesign.plots.canvas import INK, MARK, literal
+from armdesign.plots.canvas import INK, MARK, Style, literal
 from armdesign.plots.labels import Label, place_labels
 from armdesign.plots.machine_words import faults, number, pose_words, sizes_legend
 from armdesign.plots.machines import draw_machine, extent, frame, head, new_axes
@@ -20,9 +20,10 @@ from armdesign.units import mm
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
+    from armdesign.plots.canvas import Axes
 
 SEEN = 0.06  # of the drawn size: how long an arrow may be made
-GHOST = {"fc": "none", "ec": "#6b7280", "lw": 0.8, "ls": (0, (4, 2))}
+GHOST: Style = {"fc": "none", "ec": "#6b7280", "lw": 0.8, "ls": (0, (4, 2))}
 
 
 @literal
@@ -30,9 +31,9 @@ def machine_overlay(
     old: Machine,
     new: Machine,
     q: ArrayLike | None = None,
-    ax: Any = None,
+    ax: Axes | None = None,
     labels: tuple[str, str] = ("today", "new"),
-) -> Any:
+) -> Axes:
     """Two machines over each other in one pose, moved pins as arrows with their way in mm.
 
     The old one is dashed. Machines with other joints cannot take one pose and are refused.
@@ -88,7 +89,7 @@ def _alike(one: SideView, other: SideView) -> bool:
     return all(a.shape == b.shape and np.allclose(a, b, atol=1e-6) for a, b in flat)
 
 
-def _ghost(ax: Any, view: SideView, same: bool) -> None:
+def _ghost(ax: Axes, view: SideView, same: bool) -> None:
     """Outlines of a machine that another one is drawn over; without bodies that are the same."""
     for corners in [] if same else [corners for body in view.polygons() for corners in body]:
         ax.fill(*corners.T, **GHOST, zorder=3)

@@ -18,6 +18,7 @@ from armdesign.plots.canvas import (
     INK,
     MARK,
     WIDTH,
+    Style,
     figure,
     literal,
     show_in_notebooks,
@@ -35,16 +36,17 @@ from armdesign.plots.machine_words import (
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
+    from armdesign.plots.canvas import Axes
 
-BODY = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
-ROD = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
+BODY: Style = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
+ROD: Style = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
 EARTH, FAINT = "#8b7355", "#9ca3af"
 LABEL_ROOM = 0.34  # of the drawn width, on either side of the machine
 BESIDE = 0.22  # of the width: the range of the tool
 
 
 @literal
-def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Any = None) -> Any:
+def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
     """Side view of a machine to scale, with its pins' names and coordinates; returns the axes.
 
     Bodies, cylinders as barrel and rod between their pins, four-bars, loads, ground, the ranges of
@@ -71,7 +73,7 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Any = None
     return ax
 
 
-def draw_machine(ax: Any, machine: Machine, view: SideView, pose: int = 0, **style: Any) -> None:
+def draw_machine(ax: Axes, machine: Machine, view: SideView, pose: int = 0, **style: Any) -> None:
     """Bodies, bars, cylinders, pins, joints, loads and tool of a side view at a pose.
 
     ``style``: of the bodies' patches, instead of the usual one.
@@ -87,17 +89,17 @@ def draw_machine(ax: Any, machine: Machine, view: SideView, pose: int = 0, **sty
     wrong = view.out_of_stroke[pose]
     for shape, pair, faulty in zip(view.cylinders, view.barrel_and_rod(pose), wrong, strict=True):
         if np.isfinite(pair).all():
-            edge = {"ec": MARK, "lw": 1.8} if faulty else {"ec": INK, "lw": 0.7}
+            edge: Style = {"ec": MARK, "lw": 1.8} if faulty else {"ec": INK, "lw": 0.7}
             paint = FAINT if shape.idle else colours[shape.name]
             ax.fill(*pair[1].T, **{**ROD, **edge}, zorder=5)
             ax.fill(*pair[0].T, fc=paint, **edge, zorder=5)
     for name, joint in view.motors.items():
-        ring = {"ms": 15, "mfc": "none", "mew": 3.5, "mec": colours[name]}
+        ring: Style = {"ms": 15, "mfc": "none", "mew": 3.5, "mec": colours[name]}
         ax.plot(*view.pivots[pose, joint], "o", zorder=6, **ring)
     _points(ax, view, pose)
 
 
-def _points(ax: Any, view: SideView, pose: int) -> None:
+def _points(ax: Axes, view: SideView, pose: int) -> None:
     for pin, at in zip(view.pins, view.points[pose], strict=True):
         ax.plot(*at, "o", ms=4.5, mfc="white", mec=INK, mew=1.0, zorder=7)
         if pin.name in view.stray_pins:
@@ -112,14 +114,14 @@ def _points(ax: Any, view: SideView, pose: int) -> None:
     ax.plot(*view.tool[pose], "*", ms=11, mfc=MARK, mec="white", mew=0.7, zorder=8)
 
 
-def _arcs(ax: Any, view: SideView) -> None:
+def _arcs(ax: Axes, view: SideView) -> None:
     """Ranges of the joints: arcs between their ends, and where the joint stands."""
     for arc, line in zip(view.arcs, view.arc_lines(), strict=True):
         index = view.joints.index(arc.joint)
         ax.plot(*line.T, color=INK, lw=1.1, zorder=3)
         share = (view.coordinates[0, index] - arc.lower) / max(arc.upper - arc.lower, 1e-12)
         for at, marker in ((line[0], "|"), (line[-1], "|"), (_between(line, share), "o")):
-            size = {"ms": 4 if marker == "o" else 0}
+            size: Style = {"ms": 4 if marker == "o" else 0}
             ax.plot(*at, marker, color=INK, zorder=3, **size)
         if arc.revolute:
             for end in (line[0], line[-1]):
@@ -163,7 +165,7 @@ def new_axes(limits: Array, beside: bool = False) -> list[Any]:
     return axes
 
 
-def frame(ax: Any, limits: Array, view: SideView, room: float = LABEL_ROOM) -> None:
+def frame(ax: Axes, limits: Array, view: SideView, room: float = LABEL_ROOM) -> None:
     """Limits, equal scales and ground, with room for labels on either side of the limits."""
     (left, low), (right, high) = limits
     space = room * (right - left)
@@ -173,7 +175,7 @@ def frame(ax: Any, limits: Array, view: SideView, room: float = LABEL_ROOM) -> N
     _earth(ax, view)
 
 
-def _earth(ax: Any, view: SideView) -> None:
+def _earth(ax: Axes, view: SideView) -> None:
     """The ground, and a faint grid."""
     low, high = ax.get_ylim()
     deep = view.ground - 0.025 * (high - low)
@@ -183,7 +185,7 @@ def _earth(ax: Any, view: SideView) -> None:
     ax.grid(alpha=0.15)
 
 
-def _tool_range(ax: Any, machine: Machine, view: SideView) -> None:
+def _tool_range(ax: Axes, machine: Machine, view: SideView) -> None:
     """The range of the tool about the machine."""
     lines = tool_range(machine)
     for line in lines:
@@ -200,7 +202,7 @@ def _tool_range(ax: Any, machine: Machine, view: SideView) -> None:
     _earth(ax, view)
 
 
-def head(ax: Any, machine: Machine, words: Sequence[str]) -> None:
+def head(ax: Axes, machine: Machine, words: Sequence[str]) -> None:
     """Title, and lines of words below it; red where something is wrong."""
     title = title_of(machine)
     ax.set_title("\n".join([title, *words]), fontsize=9, loc="left")

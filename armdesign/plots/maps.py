@@ -15,6 +15,7 @@ from armdesign.plots.canvas import (
     COLOURS,
     INK,
     MARK,
+    Style,
     figure,
     joint_label,
     joint_values,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.reach_map import ReachMap
     from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
+    from armdesign.plots.canvas import Axes
 
 FREQUENCY = "lowest coupled natural frequency [Hz]"
 TALLEST = 8.5  # [in] of a figure
@@ -38,8 +40,8 @@ PRESSURE = "largest static pressure / supply pressure"
 
 @literal
 def frequency_map(
-    frequencies: FrequencyMap, ax: Any = None, plane: str = "joints", **limits: float
-) -> Any:
+    frequencies: FrequencyMap, ax: Axes | None = None, plane: str = "joints", **limits: float
+) -> Axes:
     """Lowest coupled frequency over two joints, or over reach and height, its worst pose marked.
 
     Args:
@@ -69,7 +71,7 @@ def frequency_map(
 
 
 @literal
-def reach_map(lowest: ReachMap, ax: Any = None, **limits: float) -> Any:
+def reach_map(lowest: ReachMap, ax: Axes | None = None, **limits: float) -> Axes:
     """Lowest frequency by place of the tool; returns the axes. ``limits`` as in the map's own."""
     ax = figure()[1][0] if ax is None else ax
     heatmap(ax, lowest.reach, lowest.height, lowest.frequency, limits)
@@ -124,7 +126,7 @@ def _fit_height(fig: Any, proportion: float, count: int) -> None:
 
 
 @literal
-def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
+def holding_pressure(frequencies: FrequencyMap, ax: Axes | None = None) -> Axes:
     """Largest static chamber pressure of all cylinders over the supply's; returns the axes.
 
     Above one the pump cannot hold the load there. A machine with one joint gets a curve per load
@@ -145,21 +147,24 @@ def holding_pressure(frequencies: FrequencyMap, ax: Any = None) -> Any:
 
 
 def heatmap(
-    ax: Any, x: Array, y: Array, values: Array, style: Mapping[str, Any], label: str = FREQUENCY
+    ax: Axes, x: Array, y: Array, values: Array, style: Mapping[str, Any], label: str = FREQUENCY
 ) -> None:
     """Cells of values (nx, ny) around x (nx,) and y (ny,); NaN stays blank."""
     style = {"cmap": COLOURS, "shading": "nearest", "rasterized": True, **style}
     colour_bar(ax, ax.pcolormesh(x, y, values.T, **style), label)
 
 
-def mark(ax: Any, x: float, y: float, frequency: float) -> None:
+def mark(ax: Axes, x: float, y: float, frequency: float) -> None:
     """Mark the worst pose: a ring and its frequency, written on the side where there is room."""
     for edge, width, order in (("white", 3.5, 9), (MARK, 2, 10)):  # whole at the axes' edge, too
-        ring = {"ms": 10, "mfc": "none", "mec": edge, "mew": width}
+        ring: Style = {"ms": 10, "mfc": "none", "mec": edge, "mew": width}
         ax.plot(x, y, "o", **ring, zorder=order, clip_on=False)
     right, top = x > sum(ax.get_xlim()) / 2, y > sum(ax.get_ylim()) / 2
-    sides = {"ha": "right" if right else "left", "va": "top" if top else "bottom"}
-    place = {"xytext": (-12 if right else 12, -12 if top else 12), "textcoords": "offset points"}
+    sides: Style = {"ha": "right" if right else "left", "va": "top" if top else "bottom"}
+    place: Style = {
+        "xytext": (-12 if right else 12, -12 if top else 12),
+        "textcoords": "offset points",
+    }
     box = {"boxstyle": "round,pad=0.25", "fc": "white", "ec": MARK, "alpha": 0.9}
     words = f"{frequency:.3f} Hz"
     ax.annotate(words, (x, y), **place, **sides, color=INK, bbox=box, zorder=11)
@@ -189,7 +194,7 @@ def drawn_joints(machine: Machine) -> list[int]:
 
 
 def _labelled_plane(
-    ax: Any, frequencies: FrequencyMap, values: Array | None = None
+    ax: Axes, frequencies: FrequencyMap, values: Array | None = None
 ) -> tuple[Array, Array, Array]:
     """The ``joint_plane`` in the units of the axes, which are labelled."""
     x, y, least = joint_plane(frequencies, values)
@@ -212,7 +217,7 @@ def _steps(machine: Machine) -> str:
     return f"\nsteps: where the pitch of {links} ends load case {names}" if tilting else ""
 
 
-def _frequency_curves(ax: Any, frequencies: FrequencyMap) -> None:
+def _frequency_curves(ax: Axes, frequencies: FrequencyMap) -> None:
     """Coupled and rigid-load frequency per load case of a machine with one joint."""
     (index,) = drawn_joints(frequencies.machine)
     joint, worst, top = frequencies.machine.arm.joints[index], frequencies.worst, 0.0
@@ -224,14 +229,14 @@ def _frequency_curves(ax: Any, frequencies: FrequencyMap) -> None:
         top = max(top, 2.5 * rows["f1_hz"].max())
         for actuator in frequencies.machine.actuators:
             label = f"{payload}: {actuator.name}, rigid load"
-            style = {"color": colours[actuator.name], "lw": 1, "label": label}
+            style: Style = {"color": colours[actuator.name], "lw": 1, "label": label}
             ax.plot(q, rows[f"rigid_{actuator.name}_hz"], "--", **style)
     ax.set(xlabel=joint_label(joint), ylabel="natural frequency [Hz]", ylim=(0, top))
     ax.legend(frameon=False)
     mark(ax, float(joint_values(joint, worst.q[index])), worst.frequency, worst.frequency)
 
 
-def _pressure_curves(ax: Any, frequencies: FrequencyMap, share: Array) -> None:
+def _pressure_curves(ax: Axes, frequencies: FrequencyMap, share: Array) -> None:
     """Static over supply pressure (rows of the frame,) per load case, with one joint."""
     (index,) = drawn_joints(frequencies.machine)
     joint, frame = frequencies.machine.arm.joints[index], frequencies.frame
@@ -245,7 +250,7 @@ def _pressure_curves(ax: Any, frequencies: FrequencyMap, share: Array) -> None:
     ax.legend(frameon=False)
 
 
-def silhouette(ax: Any, machine: Machine, worst: WorstPose) -> None:
+def silhouette(ax: Axes, machine: Machine, worst: WorstPose) -> None:
     """The machine at its worst pose, seen from the side, and the mark of its tool."""
     view = side_view(machine, worst.q)
     draw_machine(ax, machine, view, 0, fc=(1, 1, 1, 0.6), ec=INK, lw=0.9)

@@ -7,17 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armdesign.arrays import Array
 from armdesign.drawing.colours import actuator_colours
-from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, figure, literal, title_of
+from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, Style, figure, literal, title_of
 from armdesign.units import bar, l_per_min, mm
 
 if TYPE_CHECKING:
     from armdesign.motion.move import Move
     from armdesign.motion.outcome import MoveRun
     from armdesign.motion.shapers import Shaper
+    from armdesign.plots.canvas import Axes
 
 COLOURS = (INK, MARK, COMPUTED, CYLINDER)
-FAINT = {"lw": 1.0, "alpha": 0.45}
+THICK: Style = {"lw": 1.6}
+FAINT: Style = {"lw": 1.0, "alpha": 0.45}
 TOLERATED = 5.0  # [%] of a step's vibration, by which widths of shapers are compared
 NEAR = 2.5  # times the lowest frequency, up to which shapers are compared
 LEAST = 1e-4  # of the largest line that a spectrum shows
@@ -64,7 +67,9 @@ def shaper_figure(move: Move) -> Any:
 
 
 @literal
-def sensitivity_curves(shapers: Sequence[Shaper], ax: Any = None, top: float = 0.0) -> Any:
+def sensitivity_curves(
+    shapers: Sequence[Shaper], ax: Axes | None = None, top: float = 0.0
+) -> Axes:
     """Axes with the residual vibration of shapers against frequency, and 5 % to compare them.
 
     ``top``: highest frequency [Hz]; 0: 1.5 times the highest that they are made for.
@@ -85,7 +90,7 @@ def sensitivity_curves(shapers: Sequence[Shaper], ax: Any = None, top: float = 0
     return ax
 
 
-def _legend(ax: Any) -> None:
+def _legend(ax: Axes) -> None:
     """Legend below the axes, where it hides no curve."""
     ax.legend(fontsize="small", frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.14))
 
@@ -95,11 +100,11 @@ def _moving(move: Move) -> list[int]:
     return np.flatnonzero(np.abs(move.plan.speeds).max(axis=0) > 0).tolist()
 
 
-def _commands(ax: Any, move: Move) -> None:
+def _commands(ax: Axes, move: Move) -> None:
     names, colours = list(move.commands), actuator_colours(move.machine)
     for i in _moving(move):
         colour, pair = colours[names[i]], (move.commands, move.unshaped_commands)
-        for commands, style in zip(pair, ({"lw": 1.6}, FAINT), strict=True):
+        for commands, style in zip(pair, (THICK, FAINT), strict=True):
             table = commands[names[i]]
             label = names[i] if commands is move.commands else f"{names[i]}, unshaped"
             percent = 100 * np.array(table.values)
@@ -107,8 +112,8 @@ def _commands(ax: Any, move: Move) -> None:
     ax.set(xlabel="time [s]", ylabel="spool command [%]", title="Commands")
 
 
-def _flow(ax: Any, move: Move) -> None:
-    for run, style in ((move.shaped, {"lw": 1.6}), (move.unshaped, FAINT)):
+def _flow(ax: Axes, move: Move) -> None:
+    for run, style in ((move.shaped, THICK), (move.unshaped, FAINT)):
         taken = np.maximum(run.simulation.flows, 0.0).sum(axis=(1, 2)) / l_per_min
         label = "shaped, simulated" if run.shaped else "unshaped, simulated"
         ax.plot(run.simulation.time, taken, color=INK, label=label, **style)
@@ -119,7 +124,7 @@ def _flow(ax: Any, move: Move) -> None:
     ax.set(xlabel="time [s]", ylabel="flow into the cylinders [l/min]", title="Flow")
 
 
-def _pressures(ax: Any, move: Move) -> None:
+def _pressures(ax: Axes, move: Move) -> None:
     supply, relief = move.machine.supply, 0.0
     colours = actuator_colours(move.machine)
     for i in _moving(move):
@@ -137,11 +142,11 @@ def _pressures(ax: Any, move: Move) -> None:
     ax.set(xlabel="time [s]", ylabel="pressure [bar]", title="Pressures of moving cylinders")
 
 
-def _path(ax: Any, move: Move) -> None:
+def _path(ax: Axes, move: Move) -> None:
     machine = move.machine
     at = np.array(machine.tool.at)
     planned = machine.arm.point(machine.rigid_poses(move.planned.q), machine.tool.link, at)
-    paths = (
+    paths: tuple[tuple[Array, Style], ...] = (
         (move.unshaped.simulation.tool, {"color": INK, "label": "unshaped", **FAINT}),
         (move.shaped.simulation.tool, {"color": INK, "lw": 1.6, "label": "shaped"}),
         (np.array(planned), {"color": COMPUTED, "ls": "--", "lw": 1.2, "label": "planned"}),
@@ -153,13 +158,13 @@ def _path(ax: Any, move: Move) -> None:
     ax.set_adjustable("datalim")
 
 
-def _left(ax: Any, move: Move) -> None:
-    for run, style in ((move.shaped, {"lw": 1.6}), (move.unshaped, FAINT)):
+def _left(ax: Axes, move: Move) -> None:
+    for run, style in ((move.shaped, THICK), (move.unshaped, FAINT)):
         residual_oscillation(run, ax, **style)
 
 
 @literal
-def residual_oscillation(run: MoveRun, ax: Any = None, **style: Any) -> Any:
+def residual_oscillation(run: MoveRun, ax: Axes | None = None, **style: Any) -> Axes:
     """Axes with the tool's oscillation after a move, along its largest swing."""
     ax = figure()[1][0] if ax is None else ax
     _, _, axes = np.linalg.svd(run.deviation, full_matrices=False)
@@ -171,9 +176,9 @@ def residual_oscillation(run: MoveRun, ax: Any = None, **style: Any) -> Any:
     return ax
 
 
-def _spectrum(ax: Any, move: Move) -> None:
+def _spectrum(ax: Axes, move: Move) -> None:
     runs: tuple[tuple[MoveRun, dict[str, float]], ...]
-    runs = ((move.shaped, {"lw": 1.6}), (move.unshaped, FAINT))
+    runs = ((move.shaped, THICK), (move.unshaped, FAINT))
     largest = max(float(run.spectrum[1].max()) for run, _ in runs) / mm
     for run, style in runs:
         frequency, size = run.spectrum
@@ -181,7 +186,7 @@ def _spectrum(ax: Any, move: Move) -> None:
         ax.semilogy(frequency, size / mm, color=INK, label=label, **style)
     top = min(1.5 * float(move.frequencies.max()), 8 * float(move.frequencies[0]))
     for k, natural in enumerate(move.frequencies[move.frequencies < top].tolist()):
-        style_ = {"color": COMPUTED, "ls": ":", "label": "natural, linear" if k == 0 else None}
-        ax.axvline(natural, **style_)
+        label = "natural, linear" if k == 0 else ""
+        ax.axvline(natural, color=COMPUTED, ls=":", label=label)
     ax.set(xlim=(0, top), ylim=(LEAST * largest, 2 * largest))
     ax.set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="Spectrum of what is left")

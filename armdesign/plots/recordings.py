@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, literal
 
 if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
     from armdesign.simulation.identification.modal_fit import ModalFit
     from armdesign.simulation.identification.ringdown import Ringdown
     from armdesign.simulation.identified import Identified, IdentifiedWindow
@@ -66,9 +67,9 @@ def ringdown(decay: Ringdown) -> Any:
     return fig
 
 
-def _swings(ax: Any, decays: list[IdentifiedWindow]) -> None:
+def _swings(ax: Axes, decays: list[IdentifiedWindow]) -> None:
     """Frequencies of pieces and of whole windows against the amplitude."""
-    style = {"fmt": ".", "color": INK, "alpha": 0.5, "lw": 0.8}
+    style: Style = {"fmt": ".", "color": INK, "alpha": 0.5, "lw": 0.8}
     for window in decays:
         pieces = window.swings
         if pieces is not None and len(pieces.time):

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
-from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, literal
 
 if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
     from armdesign.simulation.identification.frequency_response import FrequencyResponse
     from armdesign.simulation.identification.modal_fit import ModalFit
     from armdesign.simulation.linear_model import LinearModel, LinearModels
@@ -104,14 +105,14 @@ def linear_response(model: LinearModel) -> Any:
 
 
 @literal
-def linear_modes(models: LinearModels, ax: Any = None) -> Any:
+def linear_modes(models: LinearModels, ax: Axes | None = None) -> Axes:
     """Damping ratio over frequency of the oscillatory modes of all poses; returns the axes."""
     ax = figure()[1][0] if ax is None else ax
     each = [models[pose] for pose in range(len(models))]
     pairs = [np.stack([one.natural_frequencies, one.damping_ratios], axis=1) for one in each]
     for k in range(max(map(len, pairs), default=0)):
         frequency, damping = np.array([pair[k] for pair in pairs if len(pair) > k]).T
-        style = {"marker": MARKERS[k % len(MARKERS)], "color": (INK, MARK, COMPUTED)[k % 3]}
+        style: Style = {"marker": MARKERS[k % len(MARKERS)], "color": (INK, MARK, COMPUTED)[k % 3]}
         ax.plot(frequency, damping, ls="", ms=4, label=f"mode {k + 1}", **style)
     ax.set(xlabel="natural frequency [Hz]", ylabel="damping ratio", xscale="log")
     ax.grid(alpha=0.3)

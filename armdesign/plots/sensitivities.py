@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, figure, literal
+from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, Style, figure, literal
 
 if TYPE_CHECKING:
     from armdesign.influence.sensitivity import Sensitivity
     from armdesign.influence.tolerances import Tolerances
     from armdesign.influence.what_if import WhatIf
+    from armdesign.plots.canvas import Axes
 
 DRAWN = 20  # numbers
 
 
 @literal
-def tornado(sensitivity: Sensitivity, ax: Any = None) -> Any:
+def tornado(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     """Axes with a bar for each number: change of the worst frequency by a step up and down.
 
     Of a bar that leaves the axes its end is written on it.
@@ -27,7 +28,7 @@ def tornado(sensitivity: Sensitivity, ax: Any = None) -> Any:
     rows = np.arange(len(numbers))
     for way, (colour, label) in enumerate(((COMPUTED, "step up"), (MARK, "step down"))):
         ax.barh(rows, changes[:, way, 0], color=colour, alpha=0.75, label=f"{label}, linear")
-        style = {"color": colour, "mec": INK, "ms": 5, "mew": 0.8}
+        style: Style = {"color": colour, "mec": INK, "ms": 5, "mew": 0.8}
         ax.plot(changes[:, way, 1], rows, "D", label=f"{label}, exact", **style)
     widest = 1.3 * np.nanmax(np.abs(changes[:, :, 1]), initial=0.0) or 1.0
     ax.set_xlim(-widest, widest)
@@ -47,12 +48,12 @@ def tornado(sensitivity: Sensitivity, ax: Any = None) -> Any:
 
 
 @literal
-def distribution(tolerances: Tolerances, ax: Any = None) -> Any:
+def distribution(tolerances: Tolerances, ax: Axes | None = None) -> Axes:
     """Axes with the distribution of the worst frequency, exact and by the derivatives."""
     ax = figure(1, 7.0, 4.6)[1][0] if ax is None else ax
     both = {"exact": tolerances.frequencies, "linear": tolerances.linear}
     low, high = np.percentile(np.concatenate(list(both.values())), [0.02, 99.98])
-    bins = np.linspace(low, high, 61)
+    bins = np.linspace(low, high, 61).tolist()
     ax.hist(both["exact"], bins, color=COMPUTED, alpha=0.6, label="exact", density=True)
     ax.hist(both["linear"], bins, color=INK, histtype="step", label="by derivatives", density=True)
     words = "least frequency" if tolerances.stated else "as drawn"
@@ -65,7 +66,7 @@ def distribution(tolerances: Tolerances, ax: Any = None) -> Any:
 
 
 @literal
-def linear_against_exact(answer: WhatIf, ax: Any = None) -> Any:
+def linear_against_exact(answer: WhatIf, ax: Axes | None = None) -> Axes:
     """Axes with the relative change of every quantity, linear over exact."""
     ax = figure(1, 6.4, 5.6)[1][0] if ax is None else ax
     frame = answer.frame[answer.frame["linear_change"].notna() & answer.frame["change"].notna()]

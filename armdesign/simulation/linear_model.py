@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,9 @@ from armdesign.short_repr import short_repr
 from armdesign.simulation.damped_modes import DampedModes, damped_modes_of, damping_of, oscillatory
 from armdesign.simulation.signals import Groups
 from armdesign.units import bar
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes
 
 
 def pressure_units(names: Sequence[str]) -> Array:
@@ -140,7 +143,7 @@ class LinearModels(StateSpace):
         """Machine, number of poses, and how many of them trapped oil holds."""
         return f"of {self.machine.name}: {len(self)} poses, {int(self.stable.sum())} stable"
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Damping ratio over frequency of the modes of all poses; returns the axes."""
         from armdesign import plots
 

@@ -20,7 +20,6 @@ def test_it_writes_bandwidths_gains_and_picture(
         "bandwidth.csv",
         "gains.csv",
         "bandwidth.png",
-        "machine.png",
         "report.html",
         "report.json",
     }

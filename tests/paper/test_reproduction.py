@@ -111,7 +111,8 @@ def test_command_in_two_processes(
         "paper_sweep_bias.csv",
     }
     pictures = {f"paper_figures_{n}.png" for n in ("3_4", "5_6", "5_6_exact")}
-    assert names == tables | pictures | {"machine.png", "report.html", "report.json"}
+    others = {"machine.png", "paper_by_mass.png", "report.html", "report.json"}
+    assert names == tables | pictures | others
     pd.testing.assert_frame_equal(
         pd.read_csv(tmp_path / "out" / "paper.csv"), corners.frame, rtol=1e-8, check_dtype=False
     )
