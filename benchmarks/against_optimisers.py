@@ -2,12 +2,13 @@
 
 Run on an otherwise idle machine: ``python -m benchmarks.against_optimisers [linkages] [machine
 …]``, half an hour for all. Each rival is given 20 × our time. ``linkages`` frees all of the
-four-bars too. Variables, boxes, requirements and objective are the same: the lowest coupled
-frequency over the default workspace and all load cases. Times are processor times of one process
-on one core.
+four-bars too. Variables in real numbers, boxes, requirements and objective are the same: all rules
+of the file, and the least gain within its bands over the default workspace and all load cases.
+Times are processor times of one process on one core.
 
 What the rivals are given stands in ``rivals``. In the end every design is built as a machine and
-judged by ``check`` and ``frequency_map``, which know nothing of any optimiser.
+judged by ``check`` and by its natural frequencies at the ends of the bands, which know nothing of
+any optimiser.
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ MACHINES = (
     "patu_boom",
     "paper_1dof",
 )
-# gain that is asked for
-LEAST = {"excavator_20t": 0.36, "mini_excavator_2t": 0.35, "excavator_12t": 0.08}
+# least gains that are asked for, found under rules on lift alone; where all rules allow less, ours
+# must be within NEAR of the best that rivals find
+LEAST = {"excavator_20t": 0.129, "mini_excavator_2t": 0.25, "excavator_12t": 0.045}
+NEAR = 5e-3
 # slack by which the check of a built machine may be missed: it looks at finer joint ranges
 FEASIBLE = 1e-4
 RIVALS = 20  # times our processor time that each rival has
@@ -59,12 +62,11 @@ METHODS = {
 class Outcome:
     """What a method found, judged as a machine.
 
-    ``frequency`` [Hz] is on the workspace's poses, ``refined`` off them.
+    ``frequency`` [Hz] is today's worst times the least gain within the bands.
     """
 
     method: str
     frequency: float
-    refined: float
     slack: float
     seconds: float
 
@@ -72,10 +74,9 @@ class Outcome:
     def of(cls, method: str, problem: Problem, x: Array, seconds: float) -> Outcome:
         """Judged by what knows nothing of optimisers."""
         machine = machine_at(problem, x)
-        map_ = ad.frequency_map(machine, problem.workspace)
         checks = check(machine, problem.machine, problem.workspace, problem.requirements)
-        lowest_ = float(map_.frame["f1_hz"].min())
-        return cls(method, lowest_, map_.worst.frequency, min(c.slack for c in checks), seconds)
+        judged = problem.dynamics.corners.judged(machine)
+        return cls(method, judged, min(c.slack for c in checks), seconds)
 
     @property
     def feasible(self) -> bool:
@@ -110,8 +111,8 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
     machine = ad.load(name)
     workspace = ad.Workspace.grid(machine)
     _ = workspace.rigid
-    seconds, design = timed(lambda: ad.optimize(machine, workspace, vary=vary))
-    problem, today = design.problem, float(design.before.frame["f1_hz"].min())
+    seconds, design = timed(lambda: ad.optimize(machine, workspace, vary=vary, catalogue="free"))
+    problem, today = design.problem, design.problem.dynamics.corners.nominal
     budget, first = RIVALS * seconds, name == MACHINES[0]
     ours = Outcome.of("co-design", problem, design.x, seconds)
     count = int((np.ptp(problem.bounds, axis=0) > 0).sum())
@@ -141,16 +142,16 @@ def compared(name: str, vary: tuple[str, ...]) -> None:
         flush=True,
     )
     if name in LEAST:
-        gain = ours.frequency / today - 1
-        print(f"  gain {gain:+.1%}, target {LEAST[name]:+.0%}: {judgement(gain >= LEAST[name])}")
+        gain, near = ours.frequency / today - 1, ours.frequency >= (1 - NEAR) * best
+        least = judgement(gain >= LEAST[name])
+        print(
+            f"  gain {gain:+.1%}, target {LEAST[name]:+.1%}: {least}, or near: {judgement(near)}"
+        )
 
 
 def print_outcome(outcome: Outcome, ours: Outcome, today: float) -> None:
     """One line of the table."""
-    figures = (
-        f"{outcome.frequency:8.4f} Hz {outcome.frequency / today - 1:+7.2%}, off the grid"
-        f" {outcome.refined:8.4f} Hz"
-    )
+    figures = f"{outcome.frequency:8.4f} Hz {outcome.frequency / today - 1:+7.2%}"
     met = f"{'feasible' if outcome.feasible else 'infeasible'} (slack {outcome.slack:+.0e})"
     ratio = outcome.frequency / ours.frequency - 1
     of_ours = "" if outcome is ours else f"{ratio:+.3%} of ours"

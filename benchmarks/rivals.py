@@ -194,7 +194,17 @@ class Task:
         whole = self.problem.workspace
         some = whole.subset(self.poses)
         limits_ = replace(self.problem.requirements, pin_box=self.problem.vector.pin_box)
-        return Judge(Problem.of(self.problem.machine, some, limits_, self.problem.vector.vary))
+        corners = self.problem.dynamics.corners
+        of_some = Problem.of(
+            self.problem.machine,
+            some,
+            limits_,
+            self.problem.vector.vary,
+            proportional=corners.proportional,
+            bands=corners.bands,
+            gain=corners.gain,
+        )
+        return Judge(of_some)
 
     @property
     def keys(self) -> Array:

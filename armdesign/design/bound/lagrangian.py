@@ -64,7 +64,7 @@ ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
-CELLS, AIRY = 100_000, 20_000  # branched per cylinder, without and with air in the oil
+CELLS = 20_000  # branched per cylinder
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -440,4 +440,4 @@ class LagrangianDual:
     def maximum(self, multipliers: Multipliers, k: int, tolerance: float) -> Maximum:
         """The most that the term of drive ``k`` can be, to within its part of a tolerance."""
         term = self._term(multipliers, k)
-        return maximum(term, tolerance / len(self.drives), AIRY if term.air else CELLS)
+        return maximum(term, tolerance / len(self.drives), CELLS)

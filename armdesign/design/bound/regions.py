@@ -28,7 +28,8 @@ ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
 COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
-ENOUGH = 0.03  # of frequency, over the design at hand, where cutting ends
+# of frequency, over the design at hand, where cutting ends, and rounds of the whole
+ENOUGH, PLENTY = 0.03, 0.01
 MIXED = 1e-3  # share of a mixture that counts
 
 
@@ -49,8 +50,9 @@ class Region:
 
 def lowest_bound(dual: LagrangianDual) -> float:
     """The lowest bound on ω² that is found, over the reference; infinite where none is."""
-    enough = max(dual.reached, 0.0) * (1 + ENOUGH) ** 2
-    regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS)]
+    reached = max(dual.reached, 0.0)
+    enough, plenty = reached * (1 + ENOUGH) ** 2, reached * (1 + PLENTY) ** 2
+    regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS, plenty)]
     looked = 1
     while looked < REGIONS and math.isfinite(regions[0].bound) and regions[0].bound > enough:
         if (cut := _cut(regions[0])) is None:
@@ -64,7 +66,7 @@ def lowest_bound(dual: LagrangianDual) -> float:
     return regions[0].bound
 
 
-def _refined(region: Region, rounds: int, enough: float = 0.0) -> Region:
+def _refined(region: Region, rounds: int, enough: float) -> Region:
     """The region with better multipliers, until they are close or the bound is low enough."""
     dual = region.dual
     for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else rounds):

@@ -22,14 +22,34 @@ from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.modes import hertz
 
-ROOM = (0.0, 2e-3, 5e-3, 1e-2)  # shares by which limits are drawn in for the choice of sizes
-COSTLY = 0.01  # of the objective
+DRAWN = 6  # combinations of sizes that are drawn
 TURNS = 5  # of choosing sizes for pins and pins for sizes
 # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 BORES, RODS = 2, 2
 
 # bore and rod [m] of each cylinder; None where any size may be
 ChosenSizes: TypeAlias = tuple[tuple[float, float] | None, ...]
+
+
+class Tried:
+    """Searches that were run to their end with sizes of a catalogue, one for each combination."""
+
+    def __init__(self) -> None:
+        self._best: dict[ChosenSizes, Search] = {}
+
+    def to_end(self, search: Search, trust: float) -> Search:
+        """A search run to its end; remembered if it is the best with its sizes."""
+        ended = run_to_end(search, trust=trust)
+        sizes = ended.problem.sizes
+        if sizes not in self._best or ended.rank > self._best[sizes].rank:
+            self._best[sizes] = ended
+        return ended
+
+    @property
+    def allowed(self) -> list[Search]:
+        """Those that meet all requirements, the best first."""
+        met = (one for one in self._best.values() if one.violation <= MISSED)
+        return sorted(met, key=lambda one: one.rank, reverse=True)
 
 
 def sizes_for_pins(problem: Problem, sizes: Sizes) -> tuple[Search, SizeSelection]:
@@ -59,9 +79,9 @@ def sizes_and_pins(
 
     ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
-    Sizes that leave little room for lengths on the drawing's grid, so that drawing them costs more
-    than ``COSTLY``, are chosen again under limits that are drawn in. Today's machine is the answer
-    where it has sizes of the catalogue and none is better.
+    Of the combinations of sizes that were tried, some leave little room for lengths on the
+    drawing's grid: the one that is best when drawn is taken. Today's machine is the answer where
+    it has sizes of the catalogue and none is better.
 
     Where no design was found that meets all requirements, with free sizes or without, the search
     misses some: their relaxation is then sought with sizes of the catalogue, which need more than
@@ -73,55 +93,65 @@ def sizes_and_pins(
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
     best = restore_feasibility(best)
-    drawn: list[tuple[float, Search, CheckedMachine | None]] = []
-    for share in ROOM if best.violation <= MISSED else ():
-        inside = best.of(problem.tightened(share), best.x).look()
-        sized = with_sizes(inside, sizes, start)
-        fixed = replace(sized.problem, margins=problem.margins)
-        sized = run_to_end(sized.of(fixed, sized.x), trust=0.05)
-        if sized.violation > MISSED:
-            break
-        machine = rounded_machine(sized)
-        reached = machine.judged if machine else -math.inf
-        drawn.append((reached, sized, machine))
-        if reached > (1 - COSTLY) * hertz(sized.squared):
-            break
-    if drawn:
-        _, sized, machine = max(drawn, key=lambda one: one[0])
-        own = tuple((cylinder.bore, cylinder.rod) for cylinder in problem.machine.cylinders)
-        if _in_catalogue(problem, own, sizes):
-            machine = or_today(machine, problem)
-        return sized, outcomes, machine
+    if best.violation <= MISSED:
+        tried = Tried()
+        with_sizes(best, sizes, start, tried)
+        if tried.allowed:
+            sized, machine = _best_drawn(tried.allowed)
+            own = tuple((cylinder.bore, cylinder.rod) for cylinder in problem.machine.cylinders)
+            if _in_catalogue(problem, own, sizes):
+                machine = or_today(machine, problem)
+            return sized, outcomes, machine
     nearest = _missing_least(best, sizes)
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
     return nearest, outcomes, None
 
 
+def _best_drawn(searches: list[Search]) -> tuple[Search, CheckedMachine | None]:
+    """The best machine on the drawing's grid, and the search that it is of.
+
+    Combinations of sizes are drawn, the best first, until none promises more than what is drawn.
+    """
+    drawn, best = searches[0], None
+    for search in searches[:DRAWN]:
+        if best and hertz(search.squared) <= best.judged:
+            break
+        machine = rounded_machine(search)
+        if machine and (best is None or machine.judged > best.judged):
+            drawn, best = search, machine
+    return drawn, best
+
+
 def with_sizes(
-    search: Search, sizes: Sizes, start: tuple[Array, ChosenSizes] | None = None
+    search: Search,
+    sizes: Sizes,
+    start: tuple[Array, ChosenSizes] | None = None,
+    tried: Tried | None = None,
 ) -> Search:
     """The best design with sizes of a catalogue, from one with free sizes.
 
     It may miss a requirement.
 
     One cylinder after the other takes a size while the rest follows; or all of them as today's
-    pins want them; or as in ``start``. The best of these goes through ``improve_in_turn``.
+    pins want them; or as in ``start``. The best of these goes through ``improve_in_turn``. What is
+    run to its end goes into ``tried``.
     """
+    tried = Tried() if tried is None else tried
     problem = search.problem
     followed = search  # the largest cylinder takes a size first, while the rest follows
     for i in _largest_first(search):
         followed = _best_near_size(followed, i, sizes)
-    searches = [run_to_end(followed, trust=0.05)]
+    searches = [tried.to_end(followed, trust=0.05)]
     if start and _in_catalogue(problem, start[1], sizes):
-        searches.append(run_to_end(_search_with(problem, *start), trust=0.1))
+        searches.append(tried.to_end(_search_with(problem, *start), trust=0.1))
     try:
         best_sizes = _best_sizes(problem, problem.vector.start, sizes)
         of_today = _search_with(problem, problem.vector.start, best_sizes.sizes)
-        searches.append(run_to_end(of_today, trust=0.1))
+        searches.append(tried.to_end(of_today, trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
         pass
-    return improve_in_turn(max(searches, key=lambda one: one.rank), sizes)
+    return improve_in_turn(max(searches, key=lambda one: one.rank), sizes, tried)
 
 
 def _missing_least(search: Search, sizes: Sizes) -> Search:
@@ -140,9 +170,10 @@ def _missing_least(search: Search, sizes: Sizes) -> Search:
     return search
 
 
-def improve_in_turn(search: Search, sizes: Sizes) -> Search:
+def improve_in_turn(search: Search, sizes: Sizes, tried: Tried | None = None) -> Search:
     """Sizes and pins found in turn, then one size after the other, until nothing is better."""
-    return _one_by_one(_alternate(search, sizes), sizes)
+    tried = Tried() if tried is None else tried
+    return _one_by_one(_alternate(search, sizes, tried), sizes, tried)
 
 
 def refuse_fixed_sizes(problem: Problem) -> None:
@@ -200,20 +231,20 @@ def _roughly(search: Search) -> Search:
     return search.run(trust=0.1, tolerance=1e-3, looks=2)
 
 
-def _one_by_one(search: Search, sizes: Sizes) -> Search:
+def _one_by_one(search: Search, sizes: Sizes, tried: Tried) -> Search:
     """One cylinder after the other let go and sized anew, until none is better."""
     for _ in range(TURNS):
         before = search.problem.sizes
         for i in _largest_first(search):
             other = _best_near_size(_roughly(_with_size(search, i, None)), i, sizes)
             if other.problem.sizes != search.problem.sizes:
-                search = max(search, run_to_end(other, trust=0.05), key=lambda one: one.rank)
+                search = max(search, tried.to_end(other, trust=0.05), key=lambda one: one.rank)
         if search.problem.sizes == before:
             break
     return search
 
 
-def _alternate(search: Search, sizes: Sizes) -> Search:
+def _alternate(search: Search, sizes: Sizes, tried: Tried) -> Search:
     """Sizes chosen anew for the pins and pins tuned for these sizes, until neither changes."""
     for _ in range(TURNS):
         try:
@@ -222,7 +253,7 @@ def _alternate(search: Search, sizes: Sizes) -> Search:
             break
         if best_sizes.sizes == search.problem.sizes:
             break
-        other = run_to_end(_search_with(search.problem, search.x, best_sizes.sizes), trust=0.1)
+        other = tried.to_end(_search_with(search.problem, search.x, best_sizes.sizes), trust=0.1)
         if other.rank <= search.rank:
             break
         search = other

@@ -117,7 +117,6 @@ def few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(regions, "AIRY", 1)
     monkeypatch.setattr(regions, "REGIONS", 3)
     monkeypatch.setattr(lagrangian, "CELLS", 3000)
-    monkeypatch.setattr(lagrangian, "AIRY", 1000)
 
 
 @pytest.mark.slow
