@@ -113,15 +113,21 @@ class LoopPlant(ReadOnly):
     @cached_property
     def _modal(self) -> tuple[Array, Array, Array]:
         """Poles (n, ns), outputs by modal states (n, nq + nc, ns), these by v (n, ns, nc)."""
-        poles, eigenvectors = np.linalg.eig(self.A)
-        eigenvectors[self._defective] = np.eye(self.A.shape[1])
+        poles, eigenvectors = self._eigen
+        eigenvectors = np.where(self._defective[:, None, None], np.eye(len(poles.T)), eigenvectors)
         seen = self._outputs @ eigenvectors
         return poles, seen, np.linalg.solve(eigenvectors, self.B.astype(complex))
 
     @cached_property
     def _defective(self) -> Flags:
         """Poses whose A has hardly independent eigenvectors (n,)."""
-        return np.asarray(np.linalg.cond(np.linalg.eig(self.A)[1]) > INDEPENDENT)
+        return np.asarray(np.linalg.cond(self._eigen[1]) > INDEPENDENT)
+
+    @cached_property
+    def _eigen(self) -> tuple[Array, Array]:
+        """Poles (n, ns) and right eigenvectors (n, ns, ns)."""
+        poles, eigenvectors = np.linalg.eig(self.A)
+        return poles, eigenvectors
 
     @property
     def _outputs(self) -> Array:

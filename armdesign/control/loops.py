@@ -6,7 +6,9 @@ feedback closed:
 
     L_c = R K P + c H Y,     L_p = P (I + c H Y)⁻¹ R K
 
-with P joint positions and Y load pressures by demanded piston speeds.
+with P joint positions and Y load pressures by demanded piston speeds. One inverse is enough:
+
+    (I + L_p)⁻¹ = I − P (I + L_c)⁻¹ R K
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.margins import balanced_norm, invert
+from armdesign.control.margins import balanced_norm, exceeds, invert
 from armdesign.simulation.plant.compiled import compiled
 
 HALF = math.sqrt(0.5)  # −3 dB
@@ -159,86 +161,69 @@ class _Arguments(NamedTuple):
 
 @compiled
 def _close(
-    loops: _Arguments, pose: int, f: int, command: Array, inner: Array, position: Array
+    loops: _Arguments, pose: int, f: int, opened: Array, S_c: Array, closed: Array, S: Array
 ) -> None:
-    """Write I + L_c, (I + cHY)⁻¹ and P (I + cHY)⁻¹ R of a pose at its frequency f."""
+    """Write (I + L_c)⁻¹, P (I + L_c)⁻¹ R and (I + L_p)⁻¹ of a pose at its frequency f.
+
+    ``opened`` is room.
+    """
     nq, nc = loops.positions.shape[2], loops.positions.shape[3]
     P, Y, R = loops.positions[pose, f], loops.pressures[pose, f], loops.arms[pose]
     H, c, K = loops.filters[pose, f], loops.pressure_gains[pose], loops.gains[pose]
     for i in range(nc):
         for j in range(nc):
-            back = c[i] * H * Y[i, j]
-            inner[i, j] = back + (1.0 if i == j else 0.0)
-            command[i, j] = inner[i, j]
+            opened[i, j] = c[i] * H * Y[i, j] + (1.0 if i == j else 0.0)
             for k in range(nq):
-                command[i, j] += R[i, k] * K[k] * P[k, j]
-    damped = np.empty_like(inner)
-    invert(inner, damped)
+                opened[i, j] += R[i, k] * K[k] * P[k, j]
+    invert(opened, S_c)
     for i in range(nq):
-        position[i] = 0.0
+        closed[i] = 0.0
         for m in range(nc):
             total = 0j
             for k in range(nc):
-                total += P[i, k] * damped[k, m]
+                total += P[i, k] * S_c[k, m]
             for j in range(nq):
-                position[i, j] += total * R[m, j]
+                closed[i, j] += total * R[m, j]
+        for j in range(nq):
+            S[i, j] = (1.0 if i == j else 0.0) - closed[i, j] * K[j]
 
 
 @compiled
 def _write_holds(loops: _Arguments, limit: float, rows: Array, worst: Array, keeps: Flags) -> None:
     nq, nc = loops.positions.shape[2], loops.positions.shape[3]
-    command, inner = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
-    plant, opened = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
-    S_c, S = np.empty_like(command), np.empty_like(plant)
+    opened, S_c = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
+    closed, S = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
     for row in range(len(rows)):
         keeps[row] = True
         first = worst[rows[row]]
         for turn in range(loops.positions.shape[1]):
             f = first if turn == 0 else turn - 1 if turn <= first else turn
-            _close(loops, rows[row], f, command, inner, plant)
-            _sensitivities(loops.gains[rows[row]], command, plant, opened, S_c, S)
+            _close(loops, rows[row], f, opened, S_c, closed, S)
             for i in range(nc):
                 S_c[i, i] -= 0.5
             for i in range(nq):
                 S[i, i] -= 0.5
-            if balanced_norm(S_c, limit) > limit or balanced_norm(S, limit) > limit:
+            if exceeds(S_c, limit, opened) or exceeds(S, limit, closed):
                 keeps[row], worst[rows[row]] = False, f
                 break
 
 
 @compiled
-def _sensitivities(
-    gains: Array, command: Array, plant: Array, opened: Array, S_c: Array, S: Array
-) -> None:
-    """Write (I + L_c)⁻¹ and (I + L_p)⁻¹ of position gains (nq,); ``opened`` is room."""
-    for i in range(len(gains)):
-        for j in range(len(gains)):
-            opened[i, j] = plant[i, j] * gains[j] + (1.0 if i == j else 0.0)
-    invert(command, S_c)
-    invert(opened, S)
-
-
-@compiled
 def _write_figures(loops: _Arguments, omega: Array, figures: LoopFigures) -> None:
     nq, nc = loops.positions.shape[2], loops.positions.shape[3]
-    command, inner = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
-    plant, opened = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
-    S_c, S = np.empty_like(command), np.empty_like(plant)
+    opened, S_c = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
+    closed, S = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
     for pose in range(len(omega)):
         last, last_command, floor = np.ones(nq), np.ones(nq), np.zeros(2)
         figures.bandwidth[pose], figures.command_bandwidth[pose] = 0.0, 0.0
         figures.loop_margins[pose] = np.inf
         for f in range(omega.shape[1]):
-            _close(loops, pose, f, command, inner, plant)
-            _sensitivities(loops.gains[pose], command, plant, opened, S_c, S)
+            _close(loops, pose, f, opened, S_c, closed, S)
             for i in range(nc):
                 S_c[i, i] -= 0.5
             figures.peak[pose] = balanced_norm(S, figures.peak[pose])
             for i in range(nq):
-                track = 0j
-                for j in range(nq):
-                    track += S[i, j] * plant[j, i]
-                track *= loops.gains[pose, i] + 1j * omega[pose, f]
+                track = closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
                 before = omega[pose, max(f - 1, 0)], omega[pose, f]
                 for size, sizes, widths in (
                     (abs(1 - S[i, i]), last, figures.bandwidth[pose]),

@@ -76,13 +76,22 @@ def _norms(matrices: Array) -> Array:
 @compiled
 def balanced_norm(matrix: Array, floor: float) -> float:
     """μ(X) of one matrix, or ``floor`` where that is larger."""
+    square = np.empty((len(matrix), len(matrix)), np.complex128)
+    if not exceeds(matrix, floor, square):
+        return floor
+    return max(math.sqrt(np.linalg.eigvalsh(square)[-1]), floor)
+
+
+@compiled
+def exceeds(matrix: Array, limit: float, square: Array) -> bool:
+    """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in ``square``."""
     m = len(matrix)
     squares, scale = np.empty((m, m)), np.ones(m)
     for i in range(m):
         for j in range(m):
             squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
-    if squares.sum() <= floor * floor:  # μ ≤ σ_max ≤ Frobenius norm
-        return floor
+    if squares.sum() <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
+        return False
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
             row, column = 1e-300, 1e-300
@@ -95,13 +104,35 @@ def balanced_norm(matrix: Array, floor: float) -> float:
     for i in range(m):
         for j in range(m):
             total += squares[i, j] * scale[i] / scale[j]
-    if total <= floor * floor:
-        return floor
-    scaled = np.empty((m, m), np.complex128)
+    if total <= limit * limit:
+        return False
     for i in range(m):
-        for j in range(m):
-            scaled[i, j] = matrix[i, j] * math.sqrt(scale[i] / scale[j])
-    return max(math.sqrt(np.linalg.eigvalsh(scaled @ scaled.conj().T)[-1]), floor)
+        for j in range(i + 1):
+            product = 0j
+            for k in range(m):
+                product += matrix[i, k] * matrix[j, k].conjugate() / scale[k]
+            square[i, j] = product * math.sqrt(scale[i] * scale[j])
+            square[j, i] = square[i, j].conjugate()
+    return not _below(square, limit * limit)
+
+
+@compiled
+def _below(square: Array, limit: float) -> bool:
+    """Whether all eigenvalues of a Hermitian matrix lie below a limit: by Cholesky's pivots."""
+    m = len(square)
+    lower = np.empty((m, m), np.complex128)  # of limit · I − square
+    for i in range(m):
+        for j in range(i + 1):
+            rest = (limit if i == j else 0.0) - square[i, j]
+            for k in range(j):
+                rest -= lower[i, k] * lower[j, k].conjugate()
+            if i > j:
+                lower[i, j] = rest / lower[j, j].real
+            elif rest.real <= 0.0:
+                return False
+            else:
+                lower[i, i] = math.sqrt(rest.real)
+    return True
 
 
 @compiled

@@ -16,6 +16,7 @@ from armdesign.control.loops import FINE, Loops
 from armdesign.control.margins import (
     disk_margin,
     disk_margin_for,
+    exceeds,
     gain_margin_db,
     phase_margin,
     structured_norm,
@@ -58,6 +59,17 @@ def test_one_loop_is_python_controls() -> None:
         response = control.FrequencyResponseData(loop.transpose(1, 2, 0), omega)
         size = np.abs(1 / (1 + response(1j * omega).ravel()) - 0.5)
         assert disk_margin(loop) == pytest.approx(1 / size.max(), rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5])
+def test_a_norm_exceeds_what_is_below_it(size: int) -> None:
+    """Cholesky's pivots say the same as the largest eigenvalue; of a zero matrix nothing."""
+    room = np.empty((size, size), complex)
+    for matrix in matrices(size):
+        norm = float(structured_norm(matrix))
+        assert exceeds(matrix, norm * (1 - 1e-9), room)
+        assert not exceeds(matrix, norm * (1 + 1e-9), room)
+        assert not exceeds(0 * matrix, 0.0, room)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
