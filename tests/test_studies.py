@@ -250,6 +250,24 @@ def test_bandwidth_finds_its_headline() -> None:
     assert 1 - own["today, 1 % air"] / own["today"] == pytest.approx(taken, abs=0.005)
 
 
+@pytest.mark.slow
+def test_rules_find_their_headline() -> None:
+    """Of the 20 t machine; the others are in the table of docs/costs.md."""
+    module = study("15_rules")
+    words = module.__doc__ or ""
+    real, built = (float(x) for x in re.findall(r"\+([\d.]+) %", words)[:2])
+    pairs = re.findall(r"\+([\d.]+) and\s+\+([\d.]+) %", words)
+    (lift,) = re.findall(r"(\d+) % of the lift", words)
+    told = {"none": (real, built)} | {
+        rule: (float(one), float(two))
+        for rule, (one, two) in zip(("buckling", "torque", "lift"), pairs, strict=True)
+    }
+    table = module.run(["excavator_20t"], list(told)).loc["excavator_20t"]
+    for rule, gains in told.items():
+        assert 100 * table.loc[rule, ["real", "built"]].to_numpy() == pytest.approx(gains, abs=0.1)
+    assert 100 * table.loc["lift", "lift_share"] == pytest.approx(float(lift), abs=0.5)
+
+
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.py")), ids=lambda p: p.stem)
 def test_study_is_short_and_asks_one_question(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
