@@ -82,7 +82,10 @@ class LoopPlant(ReadOnly):
         shared = {"load", "areas", "valve_omega", "valve_damping", "delay"}
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         picked = {name: value[rows] for name, value in values.items() if name not in shared}
-        return LoopPlant(**{**values, **picked})
+        some = LoopPlant(**{**values, **picked})
+        if "_eigen" in vars(self):  # is not computed again
+            vars(some)["_eigen"] = tuple(each[rows] for each in self._eigen)
+        return some
 
     @property
     def joints(self) -> int:
@@ -102,7 +105,7 @@ class LoopPlant(ReadOnly):
         the stiffer the higher they are, so that they rise ever faster: a pole to the right, within
         a quarter of an hour or more, that moves nothing.
         """
-        return np.asarray(self._modal[0].real.max(axis=1).clip(0.0))
+        return np.asarray(self._eigen[0].real.max(axis=1).clip(0.0))
 
     def valve(self, s: Array) -> Array:
         """Response of spool and delay (…, nc) at complex frequencies s (…) [rad/s]."""

@@ -24,7 +24,7 @@ from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.margins import balanced_norm, exceeds, invert
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.simulation.plant.compiled import borrowing, compiled
 
 HALF = math.sqrt(0.5)  # −3 dB
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
@@ -159,7 +159,7 @@ class _Arguments(NamedTuple):
     filters: Array  # H (n, f)
 
 
-@compiled
+@borrowing
 def _close(
     loops: _Arguments, pose: int, f: int, opened: Array, S_c: Array, closed: Array, S: Array
 ) -> None:

@@ -85,13 +85,16 @@ def balanced_norm(matrix: Array, floor: float) -> float:
 @compiled
 def exceeds(matrix: Array, limit: float, square: Array) -> bool:
     """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in ``square``."""
-    m = len(matrix)
+    m, total = len(matrix), 0.0
+    for i in range(m):
+        for j in range(m):
+            total += matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
+    if total <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
+        return False
     squares, scale = np.empty((m, m)), np.ones(m)
     for i in range(m):
         for j in range(m):
             squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
-    if squares.sum() <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
-        return False
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
             row, column = 1e-300, 1e-300
