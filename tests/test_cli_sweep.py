@@ -21,6 +21,7 @@ points = 3
 fluid.bulk_modulus_MPa = [900, 1000, 1200]
 "cylinder.lift.stroke_mm" = [200, 190, -5]
 """
+LOGGED = 200_000  # [bytes] of some twenty cases: all that they need is imported by then
 
 
 def written(folder: Path, text: str = STUDY) -> str:
@@ -84,9 +85,9 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(tmp_path: Path) -> None:
     moduli = ", ".join(str(900 + n) for n in range(400))
     study = written(tmp_path, STUDY.replace("900, 1000, 1200", moduli))
     run = started(study, tmp_path / "out")
-    while not (tmp_path / "out" / "sweep.sqlite").exists():
+    log = tmp_path / "out" / "sweep.sqlite-wal"  # grows by two pages or more with every case
+    while not log.exists() or log.stat().st_size < LOGGED:
         time.sleep(0.05)
-    time.sleep(1.0)
     run.send_signal(signal.SIGINT)
     _, words = run.communicate(timeout=60)
     assert run.returncode == 130
