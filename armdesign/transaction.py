@@ -19,6 +19,7 @@ import re
 import shutil
 import signal
 import stat
+import sys
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -31,6 +32,7 @@ except ImportError:  # Windows: nothing is waited for, and nothing left behind i
     fcntl = None  # type: ignore[assignment]
 
 PREFIX = ".writing-"
+AGAIN = 0.05  # [s] after which an interrupt that was ignored comes again
 STAGE = re.compile(re.escape(PREFIX) + 8 * "[a-z0-9_]")  # as tempfile names them
 ENDS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -94,7 +96,11 @@ def undisturbed() -> Iterator[None]:
 
 @contextlib.contextmanager
 def as_interrupt() -> Iterator[list[int]]:
-    """Make SIGTERM and a closed terminal end the program as Ctrl-C does; yields such signals."""
+    """Make SIGTERM and a closed terminal end the program as Ctrl-C does; yields such signals.
+
+    An interrupt that falls where Python ignores exceptions, as in callbacks of weak references
+    when a module has been imported, comes again.
+    """
     came: list[int] = []
 
     def end(number: int, _: object) -> None:
@@ -105,9 +111,11 @@ def as_interrupt() -> Iterator[list[int]]:
     by_default = [number for number in ENDS if signal.getsignal(number) is signal.SIG_DFL]
     for number in by_default:
         signal.signal(number, end)
+    ignored, sys.unraisablehook = sys.unraisablehook, _again
     try:
         yield came
     finally:
+        sys.unraisablehook = ignored
         for number in by_default:
             signal.signal(number, signal.SIG_DFL)
 
@@ -273,3 +281,11 @@ def _lock(folder: Path, wait: bool) -> int | None:
             return None
         raise
     return opened
+
+
+def _again(ignored: sys.UnraisableHookArgs) -> None:
+    """Hook of ignored exceptions, from which none can be raised either."""
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        threading.Timer(AGAIN, os.kill, (os.getpid(), signal.SIGINT)).start()
+    else:
+        sys.__unraisablehook__(ignored)

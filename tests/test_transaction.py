@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -308,3 +309,32 @@ def test_other_threads_write_too(place: Path) -> None:
     thread.join()
     assert not failed
     assert contents(place) == AFTER
+
+
+def test_an_interrupt_where_exceptions_are_ignored_comes_again() -> None:
+    """In a finalizer; without the hook Python writes "Exception ignored", and goes on."""
+
+    class Late:
+        def __del__(self) -> None:
+            raise KeyboardInterrupt
+
+    def lost() -> None:
+        late = Late()
+        del late
+        time.sleep(5)
+
+    before = sys.unraisablehook
+    with pytest.raises(KeyboardInterrupt), transaction.as_interrupt():
+        lost()
+    assert sys.unraisablehook is before
+
+
+def test_other_ignored_exceptions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    class Faulty:
+        def __del__(self) -> None:
+            raise ValueError("late")
+
+    with transaction.as_interrupt():
+        faulty = Faulty()
+        del faulty
+    assert "ValueError: late" in capsys.readouterr().err
