@@ -121,8 +121,7 @@ def _arcs(ax: Axes, view: SideView) -> None:
         ax.plot(*line.T, color=INK, lw=1.1, zorder=3)
         share = (view.coordinates[0, index] - arc.lower) / max(arc.upper - arc.lower, 1e-12)
         for at, marker in ((line[0], "|"), (line[-1], "|"), (_between(line, share), "o")):
-            size: Style = {"ms": 4 if marker == "o" else 0}
-            ax.plot(*at, marker, color=INK, zorder=3, **size)
+            ax.plot(*at, marker, ms=4 if marker == "o" else 0, color=INK, zorder=3)
         if arc.revolute:
             for end in (line[0], line[-1]):
                 ends = np.array([view.pivots[0, index], end])

@@ -148,7 +148,7 @@ def _path(ax: Axes, move: Move) -> None:
     planned = machine.arm.point(machine.rigid_poses(move.planned.q), machine.tool.link, at)
     paths: tuple[tuple[Array, Style], ...] = (
         (move.unshaped.simulation.tool, {"color": INK, "label": "unshaped", **FAINT}),
-        (move.shaped.simulation.tool, {"color": INK, "lw": 1.6, "label": "shaped"}),
+        (move.shaped.simulation.tool, {"color": INK, "label": "shaped", **THICK}),
         (np.array(planned), {"color": COMPUTED, "ls": "--", "lw": 1.2, "label": "planned"}),
     )
     for tool, style in paths:
