@@ -3,8 +3,9 @@
 The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows
 and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is
 enclosed from above by branch and bound on intervals (``cylinder_term``), which no local optimum
-can fool. Every round of better multipliers gives a bound; the lowest counts. The duality gap
-between designs and their mixtures shrinks where the designs are taken in parts (``regions``).
+can fool, and what is stated in the end once more in intervals rounded ``outward``. Every round of
+better multipliers gives a bound; the lowest counts. The duality gap between designs and their
+mixtures shrinks where the designs are taken in parts (``regions``).
 
 A subset of rows, and of joints with the others held, keeps the bound valid: fewer poses to be good
 at, and a stiffer arm.
@@ -104,9 +105,8 @@ def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, 
 
 WATCHED = 300  # lowest rows that may enter, of a corner of the bands
 USEFUL = 2.0  # times what a design reaches, up to which a bound is stated beside it
-ROUNDING = (
-    1e-9  # relative: more than floating point can lose, as intervals here are not rounded outward
-)
+# relative: more than own masses' terms and the way to Hz lose; all else is rounded ``outward``
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)

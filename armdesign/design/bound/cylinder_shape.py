@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.bound.intervals import Interval, interval, total
+from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.pin_triangles import TriangleBoxes
 from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
@@ -99,7 +99,8 @@ class Natural:
     @cached_property
     def _uncut(self) -> tuple[Interval, Interval]:
         """u, and u' with the sign that makes it positive."""
-        flat = self.shape.constant[:, 0] - (self.shape.slope[:, 0] ** 2).sum(axis=1) / 2
+        start = self.b.like(self.shape.slope[:, 0])
+        flat = start.square().sum(axis=1) * -0.5 + self.shape.constant[:, 0]
         first = (self.b[:, None, :] * self.shape.slope[:, 1]).sum(axis=2) + self.shape.constant[
             :, 1
         ]
@@ -139,7 +140,7 @@ class Natural:
     def _along(self) -> Interval:
         """∂ℓ/∂b, a unit vector."""
         unit = self._lever * self._length.reciprocal()[..., None]
-        return Interval(np.maximum(unit.low, -1.0), np.minimum(unit.high, 1.0))
+        return unit.within(Interval(np.array(-1.0), np.array(1.0)))
 
     @cached_property
     def arm(self) -> Interval:
@@ -152,7 +153,7 @@ class Natural:
         return (
             self._end(0)
             if self.shape.fixed is None
-            else interval(np.full(len(self.b.low), self.shape.fixed[0]))
+            else self.b.like(np.full(len(self.b.low), self.shape.fixed[0]))
         )
 
     @cached_property
@@ -258,7 +259,7 @@ class Enclosure:
         """Stroke S (m,)."""
         if self.centre is self.wide:
             return self.wide.stroke
-        spread = (self.wide.stroke_slope.size * self.reach).sum(axis=1)
+        spread = self.wide.stroke_slope.spread(self.reach, 1)
         return self.wide.stroke.within(
             _around(self.centre.stroke, np.where(self.wide.whole, spread, np.inf))
         )
@@ -268,9 +269,7 @@ class Enclosure:
             points: Interval = getattr(self.wide, name)
             return points
         slope: Interval = getattr(self.wide, f"{name}_slope")
-        spread = np.where(
-            self.wide.whole[:, None], total(slope.size * self.reach[:, None], 2), np.inf
-        )
+        spread = np.where(self.wide.whole[:, None], slope.spread(self.reach[:, None], 2), np.inf)
         cut: Interval = getattr(self.wide, name).within(
             _around(getattr(self.centre, name), spread)
         )
@@ -278,7 +277,7 @@ class Enclosure:
 
 
 def _around(centre: Interval, spread: Array) -> Interval:
-    return Interval(centre.low - spread, centre.high + spread)
+    return centre + Interval(-spread, spread)
 
 
 def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:

@@ -14,7 +14,7 @@ Under the static load structure gives way too, so that the piston stands further
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,7 +22,8 @@ from armdesign.arrays import Array
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 
-Stiffening: TypeAlias = tuple[Array | float, Array | float]  # of cap and annulus (…, n)
+Numbers: TypeAlias = Any  # an array, or an interval where ends are rounded outward
+Stiffening: TypeAlias = tuple[Numbers, Numbers]  # of cap and annulus (…, n)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,8 +39,8 @@ class CylinderSpring:
 
     stiffening: Stiffening = (1.0, 1.0)
     shift: Interval = field(default_factory=lambda: interval(np.zeros((1, 1))))
-    oil: Array = field(default_factory=lambda: np.ones((1, 1)))
-    structure: Array | None = None
+    oil: Numbers = field(default_factory=lambda: np.ones((1, 1)))
+    structure: Numbers = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

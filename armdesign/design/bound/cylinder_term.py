@@ -28,8 +28,14 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints
 from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Natural, Shape
-from armdesign.design.bound.cylinder_spring import Air, CylinderSpring, Stiffening, Structure
-from armdesign.design.bound.intervals import Interval
+from armdesign.design.bound.cylinder_spring import (
+    Air,
+    CylinderSpring,
+    Numbers,
+    Stiffening,
+    Structure,
+)
+from armdesign.design.bound.intervals import Interval, interval
 
 TINY = 1e-12  # [m³] of oil
 TOGETHER = 250  # cells in one pass, whose arrays stay in the processor's cache
@@ -229,7 +235,7 @@ class CylinderTerm:
 
     def _oil(self, first: Array, last: Array, volume: Array, spring: CylinderSpring) -> Array:
         """Oil k S²/β (m, v, n) [m³], the piston at ``first`` (cap) and at ``last`` (annulus)."""
-        (cap, annulus), dead = spring.stiffening, self._dead(spring.stiffening)
+        (cap, annulus), dead = spring.stiffening, self.dead_volumes(spring)
         filled = (
             (first + spring.shift.low)[:, None] * volume[..., :1] + dead[0],
             (1 - last - spring.shift.high)[:, None] * volume[..., 1:] + dead[1],
@@ -264,12 +270,16 @@ class CylinderTerm:
             return np.zeros(len(arm_squared))
         return np.asarray((self.weight * spring.structure * arm_squared).sum(axis=1))
 
-    def _dead(self, stiffening: Stiffening) -> tuple[Array, Array]:
+    def dead_volumes(self, spring: CylinderSpring) -> tuple[Numbers, Numbers]:
         """Dead volumes (…, n) with hoses as oil that has air [m³]."""
-        whole = [np.broadcast_to(s, (*np.shape(s)[:-1], len(self.weight))) for s in stiffening]
+        n = len(self.weight)
+        whole = [
+            s if isinstance(s, Interval) else np.broadcast_to(s, (*np.shape(s)[:-1], n))
+            for s in spring.stiffening
+        ]
         return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
 
-    def slopes(self, e: Enclosure, volume: Array, spring: CylinderSpring) -> tuple[Array, Flags]:
+    def slopes(self, e: Enclosure, volume: Numbers, spring: CylinderSpring) -> tuple[Array, Flags]:
         """Largest absolute derivatives by b (m, v, 2) over the cells, at swept volumes (m, v, 2).
 
         And where they hold.
@@ -277,13 +287,14 @@ class CylinderTerm:
         place, rate, stiffening = e.place[:, None], e.rate[:, None], spring.stiffening
         places = place + spring.shift.low[:, None], 1 - place - spring.shift.high[:, None]
         springs, changes, known = [], [], e.wide.whole[:, None]
-        volumes, dead_volumes = (volume[..., :1], volume[..., 1:]), self._dead(stiffening)
+        volumes, dead_volumes = (volume[..., :1], volume[..., 1:]), self.dead_volumes(spring)
         for v, share, dead, stiff in zip(volumes, places, dead_volumes, stiffening, strict=True):
             filled = share * v + dead
             # also for a piston beyond its ends
-            known = known & np.all(filled.low[..., 2:] > dead[..., 2:] / 2, axis=2)
-            emptiness = filled.above(dead / 2 + TINY).reciprocal()
-            springs.append(emptiness * (stiff * v**2))
+            half = interval(dead).high / 2
+            known = known & np.all(filled.low[..., 2:] > half[..., 2:], axis=2)
+            emptiness = filled.above(half + TINY).reciprocal()
+            springs.append(emptiness * (stiff * (v * v)))
             changes.append((emptiness * v).square() * (stiff * v))
         weight = (self.weight * spring.oil)[:, None]
         by_rate = rate * (springs[0] + springs[1]) * (2 * weight)
@@ -318,6 +329,7 @@ class Maximum:
     design: Array  # (3,) b and scale
     volume: Array  # (2,) [m³]
     cells: int  # looked at
+    leaves: tuple[Array, Array]  # corners (m, 3 or 5) of all cells that were not halved
 
 
 def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
@@ -326,25 +338,31 @@ def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
     if term.air or term.structure:
         least, most = (np.tile(end, (len(low), 1)) for end in term.limits.volume)
         low, high = np.column_stack([low, least]), np.column_stack([high, most])
-    cells, looked, pruned = term.upper(low, high), len(low), -math.inf
+    cells, looked, done = term.upper(low, high), len(low), []
     best = Maximum(
-        upper=math.inf, value=-math.inf, design=np.zeros(3), volume=np.zeros(2), cells=0
+        upper=math.inf,
+        value=-math.inf,
+        design=np.zeros(3),
+        volume=np.zeros(2),
+        cells=0,
+        leaves=(low, high),
     )
     while True:
         best = _better(term, best, cells)
         open_cells = cells.bound > best.value + tolerance
-        pruned = max(pruned, float(cells.bound[~open_cells].max(initial=-math.inf)))
+        done.append(cells[~open_cells])
         cells = cells[open_cells]
         if len(cells.bound) == 0 or looked >= most_cells:
             break
         order = np.argsort(-cells.bound)
         parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
-        children = term.upper(*_halves(parents))
+        children = term.upper(*halves(parents))
         looked += 2 * len(parents.bound)
         inherited = np.tile(parents.bound, 2)[children.source]
         cells = _together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
-    upper = max(pruned, float(cells.bound.max(initial=-math.inf)), best.value)
-    return replace(best, upper=upper, cells=looked)
+    leaves = _together(*done, cells)
+    upper = max(float(leaves.bound.max(initial=-math.inf)), best.value)
+    return replace(best, upper=upper, cells=looked, leaves=(leaves.low, leaves.high))
 
 
 def first_cells(shape: Shape) -> tuple[Array, Array]:
@@ -359,7 +377,7 @@ def first_cells(shape: Shape) -> tuple[Array, Array]:
     return low, high
 
 
-def _halves(cells: Cells) -> tuple[Array, Array]:
+def halves(cells: Cells) -> tuple[Array, Array]:
     """Both halves of every cell, cut across the axis that adds most to its bound."""
     rows = np.arange(len(cells.bound))
     axis = np.where(cells.high > cells.low, cells.added, -1.0).argmax(axis=1)

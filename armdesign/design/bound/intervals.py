@@ -1,7 +1,8 @@
 """Interval arithmetic on arrays: what a formula can be while its arguments lie between ends.
 
-Ends are rounded to nearest, not outward: whoever needs more than 1e-9 of relative certainty must
-not use them.
+Ends of ``Interval`` are rounded to nearest, which is fast: searches use it. Ends of ``Outward``
+are rounded outward: proofs use it. Both go through the same formulas; an operation with one
+``Outward`` gives one.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 
 from armdesign.arrays import Array
 
+STEP, LEAST = np.finfo(float).eps, np.finfo(float).tiny
+
 
 @dataclass(frozen=True, eq=False)
 class Interval:
@@ -23,12 +26,26 @@ class Interval:
 
     __array_ufunc__ = None  # so that array * interval is ours
 
+    @classmethod
+    def rounded(cls, low: Array, high: Array) -> Interval:
+        """The interval of ends that one operation has rounded to nearest."""
+        return cls(low, high)
+
+    @classmethod
+    def like(cls, value: Array) -> Interval:
+        """Numbers that are exact, as an interval of this kind."""
+        return cls(value, value)
+
+    def _with(self, other: Interval) -> type[Interval]:
+        """The kind of what is made of both."""
+        return type(other) if isinstance(other, type(self)) else type(self)
+
     def __add__(self, other: Any) -> Interval:
         other = interval(other)
-        return Interval(self.low + other.low, self.high + other.high)
+        return self._with(other).rounded(self.low + other.low, self.high + other.high)
 
     def __neg__(self) -> Interval:
-        return Interval(-self.high, -self.low)
+        return type(self)(-self.high, -self.low)
 
     def __sub__(self, other: Any) -> Interval:
         return self + -interval(other)
@@ -40,15 +57,15 @@ class Interval:
         if not isinstance(other, Interval):
             ends = self.low * other, self.high * other
             if isinstance(other, float | int):
-                return Interval(*ends) if other >= 0 else Interval(*ends[::-1])
-            return Interval(np.minimum(*ends), np.maximum(*ends))
+                return self.rounded(*(ends if other >= 0 else ends[::-1]))
+            return self.rounded(np.minimum(*ends), np.maximum(*ends))
         if np.min(other.low, initial=0.0) >= 0:
             return other._times(self)
         if np.min(self.low, initial=0.0) >= 0:
             return self._times(other)
         a, b = self.low * other.low, self.low * other.high
         c, d = self.high * other.low, self.high * other.high
-        return Interval(
+        return self._with(other).rounded(
             np.minimum(np.minimum(a, b), np.minimum(c, d)),
             np.maximum(np.maximum(a, b), np.maximum(c, d)),
         )
@@ -56,8 +73,8 @@ class Interval:
     def _times(self, other: Interval) -> Interval:
         """The product where this one is nowhere negative: what is most of the work."""
         if np.min(other.low, initial=0.0) >= 0:
-            return Interval(self.low * other.low, self.high * other.high)
-        return Interval(
+            return self._with(other).rounded(self.low * other.low, self.high * other.high)
+        return self._with(other).rounded(
             np.minimum(self.low * other.low, self.high * other.low),
             np.maximum(self.low * other.high, self.high * other.high),
         )
@@ -67,29 +84,35 @@ class Interval:
 
     def reciprocal(self) -> Interval:
         """1/x of positive numbers."""
-        return Interval(1 / self.high, 1 / self.low)
+        return self.rounded(1 / self.high, 1 / self.low)
 
     def square(self) -> Interval:
         """x², tighter than x·x."""
         size = np.maximum(np.abs(self.low), np.abs(self.high))
         least = np.maximum(np.maximum(self.low, -self.high), 0.0)
-        return Interval(least**2, size**2)
+        return self.rounded(least**2, size**2)
 
     def sqrt(self) -> Interval:
         """√x, of what is not negative."""
-        return Interval(np.sqrt(np.maximum(self.low, 0.0)), np.sqrt(np.maximum(self.high, 0.0)))
+        ends = (np.sqrt(np.maximum(end, 0.0)) for end in (self.low, self.high))
+        return self.rounded(*ends)
 
     def sum(self, axis: int) -> Interval:
         """Sum along an axis."""
-        return Interval(total(self.low, axis), total(self.high, axis))
+        return type(self)(total(self.low, axis), total(self.high, axis))
+
+    def spread(self, reach: Array, axis: int) -> Array:
+        """The most that a function of these slopes changes over so far, along an axis."""
+        return total(self.size * reach, axis)
 
     def within(self, other: Interval) -> Interval:
         """Numbers in both intervals: for two enclosures of one number."""
-        return Interval(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
+        ends = np.maximum(self.low, other.low), np.minimum(self.high, other.high)
+        return self._with(other)(*ends)
 
     def above(self, least: Array | float) -> Interval:
         """The part not below ``least`` > −∞, for a number known to lie there."""
-        return Interval(np.maximum(self.low, least), np.maximum(self.high, least))
+        return type(self)(np.maximum(self.low, least), np.maximum(self.high, least))
 
     @property
     def size(self) -> Array:
@@ -97,7 +120,38 @@ class Interval:
         return np.asarray(np.maximum(np.abs(self.low), np.abs(self.high)))
 
     def __getitem__(self, index: Any) -> Interval:
-        return Interval(self.low[index], self.high[index])
+        return type(self)(self.low[index], self.high[index])
+
+
+class Outward(Interval):
+    """The same with ends rounded outward, so that they hold for real numbers.
+
+    IEEE 754 rounds the ends of each sum, product, quotient and root to the nearest number: what is
+    exact is less than ``STEP`` of it away, or than the least normal number.
+    """
+
+    @classmethod
+    def rounded(cls, low: Array, high: Array) -> Interval:
+        """The interval with its ends moved outward by more than they have been rounded."""
+        return cls(low - _lost(low), high + _lost(high))
+
+    def sum(self, axis: int) -> Interval:
+        """Sum along an axis, one after the other."""
+        low, high = (np.moveaxis(end, axis, 0) for end in (self.low, self.high))
+        first, *more = (type(self)(*ends) for ends in zip(low, high, strict=True))
+        return sum(more, first)
+
+    def spread(self, reach: Array, axis: int) -> Array:
+        """The most that a function of these slopes changes over so far, along an axis."""
+        return (self.like(self.size) * reach).sum(axis).high
+
+
+def _lost(values: Array) -> Array:
+    """More than rounding to nearest has lost."""
+    lost = np.abs(values)
+    lost *= STEP
+    lost += LEAST
+    return lost
 
 
 def total(values: Array, axis: int) -> Array:

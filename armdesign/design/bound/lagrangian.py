@@ -231,10 +231,10 @@ class LagrangianDual:
 
     def _pick(self, rows: Array) -> tuple[Array, ...]:
         """Index of rows over the free coordinates, the others held."""
-        return np.ix_(rows, np.array(self._free), np.array(self._free))
+        return np.ix_(rows, np.array(self.free), np.array(self.free))
 
     @cached_property
-    def _free(self) -> list[int]:
+    def free(self) -> list[int]:
         """Coordinates that are not held: of the drives, of motors, and the springs."""
         machine = self.problem.machine
         springs = range(len(machine.arm.joints), len(machine.arm.coordinates))
@@ -244,7 +244,7 @@ class LagrangianDual:
     @cached_property
     def _place(self) -> Array:
         """Place of each drive's joint among the free coordinates."""
-        return np.array([self._free.index(d.joint) for d in self.drives])
+        return np.array([self.free.index(d.joint) for d in self.drives])
 
     def scaled_bases(self, rows: Array) -> tuple[Array, Array]:
         """L⁻¹ over free coordinates (n, k, k) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
@@ -408,7 +408,7 @@ class LagrangianDual:
         """Most that own masses add to the upper bound [1/m²]."""
         size = len(self.problem.machine.arm.coordinates)
         weights = np.zeros((len(multipliers.rows), size, size))
-        weights[:, np.array(self._free)[:, None], self._free] = multipliers.weight
+        weights[:, np.array(self.free)[:, None], self.free] = multipliers.weight
         used = np.flatnonzero(multipliers.trace > 0)
         rigid = self.problem.workspace.rigid[
             self.problem.dynamics.rows.pose[multipliers.rows[used]]

@@ -11,6 +11,7 @@ which the mixture gains most over its mean.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from armdesign.arrays import Array
 from armdesign.design.bound.columns import Columns
 from armdesign.design.bound.cylinder_term import Maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
+from armdesign.design.bound.outward import Proof, certified
 from armdesign.errors import InfeasibleError
 
 REGIONS = 24  # looked at
@@ -40,16 +42,30 @@ class Region:
     Attributes:
         multipliers: the last ones, which mix its designs; None where there are none.
         maxima: of each drive's term at them.
+        proof: what the bound rests on.
     """
 
     dual: LagrangianDual
     bound: float
     multipliers: Multipliers | None = None
     maxima: tuple[Maximum, ...] = ()
+    proof: Proof | None = None
+
+    def improved(
+        self, dual: LagrangianDual, multipliers: Multipliers, maxima: Sequence[Maximum]
+    ) -> Region:
+        """The region with another bound on its designs, if that is lower."""
+        bound = dual.bound(multipliers, maxima)
+        if bound >= self.bound:
+            return self
+        return replace(self, bound=bound, proof=Proof(dual, multipliers, tuple(maxima)))
 
 
 def lowest_bound(dual: LagrangianDual) -> float:
-    """The lowest bound on ω² that is found, over the reference; infinite where none is."""
+    """The lowest bound on ω² that is found, over the reference; infinite where none is.
+
+    As ``certified`` with ends rounded outward.
+    """
     reached = max(dual.reached, 0.0)
     enough, plenty = reached * (1 + ENOUGH) ** 2, reached * (1 + PLENTY) ** 2
     regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS, plenty)]
@@ -63,7 +79,7 @@ def lowest_bound(dual: LagrangianDual) -> float:
         if not regions:  # though a design is at hand
             return math.inf
         regions.sort(key=lambda region: -region.bound)
-    return regions[0].bound
+    return max(certified(r.proof) if r.proof else math.inf for r in regions)
 
 
 def _refined(region: Region, rounds: int, enough: float) -> Region:
@@ -77,8 +93,9 @@ def _refined(region: Region, rounds: int, enough: float) -> Region:
         mixed = multipliers.mixed
         tolerance = float(np.clip(0.2 * (region.bound - mixed), FINE, COARSE))
         maxima = tuple(dual.maxima(multipliers, tolerance))
-        bound = min(region.bound, dual.bound(multipliers, maxima))
-        region = Region(dual=dual, bound=bound, multipliers=multipliers, maxima=maxima)
+        region = replace(region, multipliers=multipliers, maxima=maxima)
+        region = region.improved(dual, multipliers, maxima)
+        bound = region.bound
         close = max(CLOSE, NEARER * (mixed - dual.reached))
         reached = all(math.isfinite(most.value) for most in maxima)
         if bound <= enough or bound - mixed < close or not reached:
@@ -135,9 +152,9 @@ def _part(region: Region, k: int, axis: int, place: float, upper: bool, enough: 
     maxima[k] = dual.maximum(region.multipliers, k, tolerance)
     if maxima[k].upper == -math.inf:
         return replace(region, bound=-math.inf)
-    bound = min(region.bound, dual.bound(region.multipliers, maxima))
-    part = Region(dual=dual, bound=bound)
-    if bound <= enough or not math.isfinite(maxima[k].value):
+    part = Region(dual=dual, bound=region.bound, proof=region.proof)
+    part = part.improved(dual, region.multipliers, maxima)
+    if part.bound <= enough or not math.isfinite(maxima[k].value):
         return part
     dual.join(k, maxima[k])
     return _refined(part, ROUNDS_OF_PARTS, enough)

@@ -139,10 +139,15 @@ def exact_certificate(step: ProgrammeStep) -> Any:
     Z_j = R_j R_jᵀ over the sum of all their traces, where R_j is as near as floats come to a root
     of the solver's multipliers.
     """
-    size, vectors = np.linalg.eigh((step.weights + np.swapaxes(step.weights, 1, 2)) / 2)
-    roots = exactly(vectors * np.sqrt(np.maximum(size, 0.0))[:, None, :])
-    weights = roots @ np.swapaxes(roots, 1, 2)
+    weights = positive_product(step.weights)
     return weights / np.trace(weights, axis1=1, axis2=2).sum()
+
+
+def positive_product(matrices: Array) -> Any:
+    """R Rᵀ near symmetric matrices (n, k, k), in fractions: semidefinite to the last bit."""
+    size, vectors = np.linalg.eigh((matrices + np.swapaxes(matrices, 1, 2)) / 2)
+    roots = exactly(vectors * np.sqrt(np.maximum(size, 0.0))[:, None, :])
+    return roots @ np.swapaxes(roots, 1, 2)
 
 
 def exactly(values: Array) -> Any:
