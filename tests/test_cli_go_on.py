@@ -14,13 +14,15 @@ import pytest
 CASES = [
     (signal.SIGKILL, "optimize paper_1dof --points 5 --out out"),
     (signal.SIGINT, "pareto paper_1dof --points 5 --values 0.9,1.0,1.1 --vary areas --out out"),
+    (signal.SIGKILL, "pareto paper_1dof --points 5 --values 0.9,1.0,1.1 --vary areas --out out"),
     (signal.SIGKILL, "validate paper_1dof --points 5 --out out"),
+    (signal.SIGKILL, "design paper_1dof --points 3 --starts 1 --out out"),
 ]
 
 # The command in children of a process that has opened all libraries; each is ended at a random
 # moment until one comes to its end.
 DISTURBED = """
-import contextlib, io, os, random, shlex, signal, sys, time
+import os, random, re, shlex, shutil, signal, sqlite3, sys, time
 from pathlib import Path
 from armdesign import cli
 
@@ -48,8 +50,23 @@ def ended(process):
     return os.waitstatus_to_exitcode(status)
 
 def files(folder):  # a report tells its hour
-    every = Path(folder, "out").iterdir()
-    return {p.name: b"" if p.stem == "report" else p.read_bytes() for p in every}
+    every = (p for p in Path(folder, "out").rglob("*") if p.is_file())
+    whole = {str(p.relative_to(folder)): p.read_bytes() for p in every}
+    return {name: b"" if "report" in name else data for name, data in whole.items()}
+
+def finished():
+    # pieces that the disturbed run's journal has; of a copy, so that it stays as it is
+    pieces = 0
+    for journal in Path("disturbed/out").glob("*.sqlite"):
+        shutil.rmtree("copy", ignore_errors=True)
+        Path("copy").mkdir()
+        for path in journal.parent.glob(journal.name + "*"):
+            shutil.copy(path, "copy")
+        with sqlite3.connect(Path("copy", journal.name)) as copy:
+            if copy.execute("SELECT 1 FROM sqlite_master WHERE name = 'cases'").fetchone():
+                pieces += copy.execute("SELECT count(*) FROM cases").fetchone()[0]
+        copy.close()
+    return pieces
 
 for folder in ("warm", "undisturbed"):
     began = time.monotonic()
@@ -59,6 +76,7 @@ for folder in ("warm", "undisturbed"):
 random.seed(1)
 left = kills = 0
 while True:
+    had = finished()
     process = child("disturbed")
     if kills < moments:
         time.sleep(random.uniform(0.1, 0.6) * seconds)
@@ -70,6 +88,10 @@ while True:
     if code == 0:
         assert not journals
         assert files("disturbed") == files("undisturbed")
+        # what was finished is taken; pieces of a finished piece are not asked for
+        said = Path("stderr").read_text()
+        again = re.findall(r"(\\d+) pieces? (?:was|were) finished before", said)
+        assert (0 < int(again[0]) <= had) if had else not again, (had, said)
         if kills >= moments:
             break
         for path in Path("disturbed/out").iterdir():
@@ -93,5 +115,5 @@ print(kills, left)
 @pytest.mark.parametrize(("number", "command"), CASES)
 def test_ended_at_random_moments(number: signal.Signals, command: str, tmp_path: Path) -> None:
     words = [sys.executable, "-c", DISTURBED, command, str(int(number)), "4"]
-    run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert run.returncode == 0, run.stderr
