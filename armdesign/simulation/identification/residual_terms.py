@@ -192,6 +192,12 @@ def answers(lines: Lines, starts: Array) -> list[Answer]:
     return likely
 
 
+def with_known_modes(lines: Lines, poles: Array) -> Answer:
+    """The likeliest answer of a few λ for modes (m, 2) that are known: ω and ζ."""
+    known = (_Regression(lines, ratio, len(poles)).answer(poles, rounds=0) for ratio in COARSE)
+    return max(known, key=evidence)
+
+
 def weights_of(fits: list[Answer]) -> Array:
     """The weight of each answer (·,), in sum one."""
     logarithms = TEMPER * np.array([one.evidence for one in fits])
