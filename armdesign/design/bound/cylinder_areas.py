@@ -42,10 +42,11 @@ class CylinderAreas:
             return cls(np.stack([low / (1 + more), np.minimum(high, most) * (1 + more)]))
         sizes = offered(cylinder, problem.grid.sizes, *vector.resized[i])
         pairs = areas_of(sized(cylinder, *size) for size in sizes)
-        return cls._of_pairs(pairs[np.all(pairs <= most * (1 + more), axis=1)])
+        return cls.of_pairs(pairs[np.all(pairs <= most * (1 + more), axis=1)])
 
     @classmethod
-    def _of_pairs(cls, pairs: Array) -> CylinderAreas | None:
+    def of_pairs(cls, pairs: Array) -> CylinderAreas | None:
+        """These pairs; None if there are none."""
         if len(pairs) == 0:
             return None
         return cls(np.stack([pairs.min(axis=0), pairs.max(axis=0)]), pairs)
@@ -59,4 +60,4 @@ class CylinderAreas:
         """The pairs between ends (2,); None if there are none."""
         assert self.pairs is not None
         inside = np.all((self.pairs >= low) & (self.pairs <= high), axis=1)
-        return self._of_pairs(self.pairs[inside])
+        return self.of_pairs(self.pairs[inside])

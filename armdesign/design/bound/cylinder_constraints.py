@@ -101,13 +101,7 @@ class CylinderConstraints:
         Ends of volumes count each on its own, so that a rod that stays is let go. A box is left
         out only where nothing can be allowed, so never for what is not a number.
         """
-        kept = np.arange(len(low))
-        scale = Interval(low[:, 2], high[:, 2])
-        if self.shape.pin_boxes is not None:
-            scale = self.shape.pin_boxes.scales(low[:, :2], high[:, :2], scale)
-            kept = np.flatnonzero(~(scale.low > scale.high))
-        e = self.shape.enclose(low[kept, :2], high[kept, :2])
-        scale = self._long_enough(e, scale[kept])
+        kept, e, scale = self._placed(low, high)
         if self.areas.pairs is not None:
             return self._of_pairs(kept, e, scale, low[kept, 3:], high[kept, 3:])
         floor, top = (low[kept, 3:], high[kept, 3:]) if low.shape[1] > 3 else self.volume
@@ -135,6 +129,16 @@ class CylinderConstraints:
             high=vertices.max(axis=1),
         )
 
+    def _placed(self, low: Array, high: Array) -> tuple[Array, Enclosure, Interval]:
+        """Boxes of b and scale in which pins may be, their shapes and scales."""
+        kept = np.arange(len(low))
+        scale = Interval(low[:, 2], high[:, 2])
+        if self.shape.pin_boxes is not None:
+            scale = self.shape.pin_boxes.scales(low[:, :2], high[:, :2], scale)
+            kept = np.flatnonzero(~(scale.low > scale.high))
+        e = self.shape.enclose(low[kept, :2], high[kept, :2])
+        return kept, e, self._long_enough(e, scale[kept])
+
     def _of_pairs(
         self, kept: Array, e: Enclosure, scale: Interval, low: Array, high: Array
     ) -> AllowedBoxes:
@@ -144,20 +148,11 @@ class CylinderConstraints:
         """
         pairs = self.areas.pairs
         assert pairs is not None
-        cap, annulus = pairs.T
-        inside = np.full((len(kept), len(pairs)), True)
+        (cap, annulus), (stroke, scale) = pairs.T, self._of_each_pair(e, scale, pairs)
+        possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
         if low.shape[1] > 0:
-            inside = np.all((pairs >= low[:, None]) & (pairs <= high[:, None]), axis=2)
-        with np.errstate(divide="ignore"):  # no buckling
-            longest = (cap - annulus) / np.sqrt(self.buckling * cap)
-        longest = longest / e.wide.open.low[:, None]
-        scale = Interval(scale.low[:, None], np.minimum(scale.high[:, None], longest))
-        stroke = e.stroke[:, None]
-        least = np.maximum(stroke.low * scale.low, self._least_strokes(e, pairs))
-        most = np.minimum(stroke.high * scale.high, (self.volume[1] / pairs).min(axis=1))
-        possible = inside & ~((least > most) | (scale.low > scale.high))
+            possible &= np.all((pairs >= low[:, None]) & (pairs <= high[:, None]), axis=2)
         left = np.flatnonzero(possible.any(axis=1))
-        scale = scale.within(Interval(least / stroke.high, most / stroke.low))
 
         def span(low: Array, high: Array) -> Interval:
             """Of what is possible (k,)."""
@@ -166,7 +161,7 @@ class CylinderConstraints:
                 np.where(possible, high, -np.inf).max(axis=1)[left],
             )
 
-        volume, ratio = span(cap * least, cap * most), span(annulus / cap, annulus / cap)
+        volume, ratio = span(cap * stroke.low, cap * stroke.high), span(*2 * [annulus / cap])
         corners = [(v, r) for v in (volume.low, volume.high) for r in (ratio.low, ratio.high)]
         areas = [span(area, area) for area in (cap, annulus)]
         return AllowedBoxes(
@@ -176,6 +171,33 @@ class CylinderConstraints:
             low=np.stack([area.low for area in areas], axis=1),
             high=np.stack([area.high for area in areas], axis=1),
         )
+
+    def _of_each_pair(
+        self, e: Enclosure, scale: Interval, pairs: Array
+    ) -> tuple[Interval, Interval]:
+        """Strokes and scales (m, p) that boxes of scales (m,) allow each pair of areas."""
+        cap, annulus = pairs.T
+        with np.errstate(divide="ignore"):  # no buckling
+            longest = (cap - annulus) / np.sqrt(self.buckling * cap)
+        longest = longest / e.wide.open.low[:, None]
+        scale, own = scale[:, None], e.stroke[:, None]
+        scale = Interval(scale.low, np.minimum(scale.high, longest))
+        stroke = Interval(
+            np.maximum(own.low * scale.low, self._least_strokes(e, pairs)),
+            np.minimum(own.high * scale.high, (self.volume[1] / pairs).min(axis=1)),
+        )
+        return stroke, scale.within(Interval(stroke.low / own.high, stroke.high / own.low))
+
+    def of_useful_pairs(self) -> CylinderConstraints | None:
+        """The same with the pairs of areas that may be allowed somewhere; None if there are none."""
+        pairs = self.areas.pairs
+        if pairs is None:
+            return self
+        _, e, scale = self._placed(*self.shape.cells)
+        stroke, scale = self._of_each_pair(e, scale, pairs)
+        possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
+        areas = CylinderAreas.of_pairs(pairs[possible.any(axis=0)])
+        return areas and replace(self, areas=areas)
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""
@@ -289,7 +311,7 @@ def cylinder_constraints(
         return None
     oil = share_of(r.oil_each_share, cylinder.name)
     bore_varies, rod_varies = vector.resized[i]
-    return CylinderConstraints(
+    limits = CylinderConstraints(
         shape=shape,
         areas=areas,
         volume=np.stack([np.zeros(2), oil * today * cylinder.stroke * more]),
@@ -304,6 +326,7 @@ def cylinder_constraints(
         supply=machine.supply.pressure,
         back=machine.supply.return_pressure,
     )
+    return limits.of_useful_pairs()
 
 
 def _torques(problem: Problem, i: int) -> tuple[Array, Array]:

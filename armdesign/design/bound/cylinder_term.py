@@ -318,7 +318,6 @@ class CylinderTerm:
 BATCH = 1500  # cells branched at a time
 TRIALS = 50  # middles of cells tried as designs
 WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
-FIRST = (8, 8, 2)  # cells to begin with, along b and scale
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -334,7 +333,7 @@ class Maximum:
 
 def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
     """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at."""
-    low, high = first_cells(term.shape)
+    low, high = term.shape.cells
     if term.air or term.structure or term.limits.areas.pairs is not None:
         least, most = (np.tile(end, (len(low), 1)) for end in term.limits.others)
         low, high = np.column_stack([low, least]), np.column_stack([high, most])
@@ -357,18 +356,6 @@ def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
         cells = _together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
     upper = max(pruned, float(cells.bound.max(initial=-math.inf)), best.value)
     return replace(best, upper=upper, cells=looked)
-
-
-def first_cells(shape: Shape) -> tuple[Array, Array]:
-    """The region of a shape cut evenly: corners (m, 3) of cells of b and scale."""
-    cuts = zip(*shape.region, FIRST, strict=True)
-    edges = [np.linspace(a, b, n + 1) if b > a else np.array([a, b]) for a, b, n in cuts]
-    grids = [
-        np.meshgrid(*[e[part] for e in edges], indexing="ij")
-        for part in (slice(None, -1), slice(1, None))
-    ]
-    low, high = (np.stack([g.ravel() for g in grid], axis=1) for grid in grids)
-    return low, high
 
 
 def _halves(cells: Cells) -> tuple[Array, Array]:

@@ -53,7 +53,7 @@ from armdesign.design.bound.motors import motor_joints, motor_stiffness
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.dynamics import Rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import ProgrammeStep, positive_part, programme
+from armdesign.design.search.semidefinite import PENALTY, ProgrammeStep, positive_part, programme
 from armdesign.frequency.modes import inverse_cholesky
 
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
@@ -77,7 +77,7 @@ class Multipliers:
     oil: Array  # μ of both sides (2,) [1/m³]
     constant: float  # the part of the upper bound that no design changes
     light: float  # Σ ⟨Z, L⁻¹M0 L⁻ᵀ⟩ of the inertia that no design changes, 1 where that is all
-    mixed: float  # the best of mixtures
+    mixed: float  # the best of mixtures, less the penalty of what they exceed the oil by
     mixture: Array  # how much of each column it takes (c,)
 
 
@@ -197,7 +197,7 @@ class LagrangianDual:
                 np.einsum("nij,nij->", weight, self.fixed.slope[pick]) + oil.sum() * budget
             ),
             light=self.reference * float(np.einsum("nij,nij->", weight, self.fixed.mass[pick])),
-            mixed=step.value - step.violation,
+            mixed=step.value - PENALTY * step.violation,
             mixture=step.change[: len(self.columns)],
         )
 
