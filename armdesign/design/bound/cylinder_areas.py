@@ -20,7 +20,8 @@ class CylinderAreas:
 
     Attributes:
         ends: least and largest (2, 2: ends, sides) [m²].
-        pairs: the only ones (p, 2) [m²]; None where any between the ends may be.
+        pairs: the only ones (p, 2) [m²], of a catalogue, or as today's where neither bore nor rod
+            varies; None where any between the ends may be.
     """
 
     ends: Array
@@ -36,7 +37,7 @@ class CylinderAreas:
         today = vector.areas_today[i]
         share = share_of(problem.requirements.thrust_share, cylinder.name)
         most = np.array([share * today[0], np.inf])
-        if not problem.grid.sizes:
+        if any(vector.resized[i]) and not problem.grid.sizes:
             # an annulus may follow its bore
             low, high = (vector.areas(end)[i] for end in problem.bounds)
             return cls(np.stack([low / (1 + more), np.minimum(high, most) * (1 + more)]))

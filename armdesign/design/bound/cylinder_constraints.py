@@ -86,14 +86,16 @@ class CylinderConstraints:
 
     @property
     def others(self) -> Array:
-        """Ends (2, 2) of what boxes (m, 5) hold besides b and scale: volumes, or areas of pairs."""
+        """Ends (2, 2) of what boxes (m, 5) have beside b and scale: volumes, or areas of pairs."""
         return self.volume if self.areas.pairs is None else self.areas.ends
 
     def within(self, low: Array, high: Array) -> CylinderConstraints:
         """The same with others between ends (2,)."""
         if self.areas.pairs is None:
             return replace(self, volume=np.stack([low, high]))
-        return replace(self, areas=self.areas.within(low, high))
+        areas = self.areas.within(low, high)
+        assert areas is not None  # ends of areas are ends of pairs
+        return replace(self, areas=areas)
 
     def allowed(self, low: Array, high: Array) -> AllowedBoxes:
         """Boxes (m, 3) of b and scale, or (m, 5) with ``others``, that may hold a design.
@@ -189,7 +191,7 @@ class CylinderConstraints:
         return stroke, scale.within(Interval(stroke.low / own.high, stroke.high / own.low))
 
     def of_useful_pairs(self) -> CylinderConstraints | None:
-        """The same with the pairs of areas that may be allowed somewhere; None if there are none."""
+        """The same with the pairs of areas that may be allowed somewhere; None if none may."""
         pairs = self.areas.pairs
         if pairs is None:
             return self
@@ -197,7 +199,7 @@ class CylinderConstraints:
         stroke, scale = self._of_each_pair(e, scale, pairs)
         possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
         areas = CylinderAreas.of_pairs(pairs[possible.any(axis=0)])
-        return areas and replace(self, areas=areas)
+        return None if areas is None else replace(self, areas=areas)
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""

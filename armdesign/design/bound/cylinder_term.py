@@ -338,9 +338,7 @@ def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
         least, most = (np.tile(end, (len(low), 1)) for end in term.limits.others)
         low, high = np.column_stack([low, least]), np.column_stack([high, most])
     cells, looked, pruned = term.upper(low, high), len(low), -math.inf
-    best = Maximum(
-        upper=math.inf, value=-math.inf, place=np.zeros(5), volume=np.zeros(2), cells=0
-    )
+    best = Maximum(upper=math.inf, value=-math.inf, place=np.zeros(5), volume=np.zeros(2), cells=0)
     while True:
         best = _better(term, best, cells)
         open_cells = cells.bound > best.value + tolerance

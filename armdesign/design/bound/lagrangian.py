@@ -348,9 +348,7 @@ class LagrangianDual:
             multipliers,
             joined(*(column(k, self.drives[k], most.place) for k, most in enumerate(maxima))),
         )
-        around = (
-            columns_around(d, k, maxima[k].place, random) for k, d in enumerate(self.drives)
-        )
+        around = (columns_around(d, k, maxima[k].place, random) for k, d in enumerate(self.drives))
         self.pool = joined(self.pool, *around)
 
     # ----------------------------------------------------------------------------------- branching
