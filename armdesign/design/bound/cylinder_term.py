@@ -9,9 +9,12 @@ all volumes allowed in it β is taken at the greatest pressure that there can be
 it is then convex in v, so its maximum lies at a vertex of any polygon around the allowed (v1, v2).
 Over a cell of shapes it is enclosed twice, naturally and in the mean value form.
 
+Of a catalogue's areas v = A S takes few values: cells are then of b, scale and areas, and hold the
+volumes between two v1 and two v2/v1, of one pair a line.
+
 Tangents of structure in series (``cylinder_spring``) leave a term of the same form, and a constant
 times r², which the scale enters. Air and tangents are near only for small ranges of volumes, so
-cells are of volumes too there.
+cells are of volumes too there, unless they are of areas.
 
 Cells are halved until none can exceed the best. No local optimum can fool it: what is cut off is
 enclosed from above.

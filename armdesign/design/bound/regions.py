@@ -105,9 +105,8 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
         trials = np.tile(mean, (6, len(own), 1))  # at the mean, and along each coordinate
         for axis in range(5):
             trials[1 + axis, :, axis] = places[:, axis]
-        at_mean, *along = (
-            dual.values(_columns(k, drive, trials), multipliers).reshape(6, -1) @ weight
-        )
+        values = dual.values(_columns(k, drive, trials), multipliers).reshape(6, -1)
+        at_mean, *along = values @ weight
         low, high = drive.region
         inside = (mean > low) & (mean < high)
         gains += [(along[a] - at_mean, k, a, mean[a]) for a in range(5) if inside[a]]
