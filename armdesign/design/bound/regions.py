@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.columns import Columns
+from armdesign.design.bound.columns import Columns, JointDrive
 from armdesign.design.bound.cylinder_term import Maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.errors import InfeasibleError
@@ -105,7 +105,8 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
         trials = np.tile(mean, (6, len(own), 1))  # at the mean, and along each coordinate
         for axis in range(5):
             trials[1 + axis, :, axis] = places[:, axis]
-        at_mean, *along = dual.values(_columns(k, trials), multipliers).reshape(6, -1) @ weight
+        values = dual.values(_columns(k, drive, trials), multipliers).reshape(6, -1)
+        at_mean, *along = values @ weight
         low, high = drive.region
         inside = (mean > low) & (mean < high)
         gains += [(along[a] - at_mean, k, a, mean[a]) for a in range(5) if inside[a]]
@@ -113,10 +114,10 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
     return best[1:] if best[0] > 0 else None
 
 
-def _columns(k: int, places: Array) -> Columns:
+def _columns(k: int, drive: JointDrive, places: Array) -> Columns:
     """Columns of drive ``k`` at places (…, 5) of its region."""
     flat = places.reshape(-1, 5)
-    return Columns(drive=np.full(len(flat), k), design=flat[:, :3], volume=flat[:, 3:])
+    return Columns(drive=np.full(len(flat), k), place=flat, volume=drive.volume(flat))
 
 
 def _part(region: Region, k: int, axis: int, place: float, upper: bool, enough: float) -> Region:
