@@ -59,6 +59,7 @@ def frequency_map(
     drawn = drawn_joints(machine)
     if plane == "reach":
         silhouette(reach_map(frequencies.reach_map(), ax, **limits), machine, worst)
+        ax.set_title(f"{ax.get_title()}{_steps(machine)}")
     elif len(drawn) == 1:
         _frequency_curves(ax, frequencies)
         ax.set_title("natural frequencies over the joint")
@@ -100,7 +101,7 @@ def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any
     fig, axes = figure(len(maps), *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
     for ax, (label, frequencies) in zip(axes, maps.items(), strict=True):
         frequencies.plot(ax, plane=plane)
-        steps = _steps(frequencies.machine) if plane == "joints" else ""
+        steps = _steps(frequencies.machine) if len(drawn_joints(frequencies.machine)) > 1 else ""
         ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz{steps}")
     meshes = [mesh for ax in axes for mesh in ax.collections if mesh.get_array() is not None]
     ends = [mesh.get_clim() for mesh in meshes]

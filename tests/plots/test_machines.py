@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,6 +57,18 @@ def test_any_machine_is_drawn_in_any_format(name: str, suffix: str, tmp_path: Pa
     if suffix == "svg":
         text = path.read_text()
         assert all(f"{cylinder.name}.base" in text for cylinder in machine.cylinders)
+
+
+def test_no_line_of_a_label_is_covered_by_the_other() -> None:
+    ax = plots.machine_drawing(named("excavator_20t"))
+    ax.figure.canvas.draw()
+    pairs: dict[tuple[float, float], list[Any]] = {}
+    for text in ax.texts:
+        if text.get_bbox_patch():
+            pairs.setdefault(text.xy, []).append(text)
+    for head, below in pairs.values():
+        white = head.get_bbox_patch().get_window_extent()
+        assert white.y0 >= below.get_window_extent().y1
 
 
 def test_the_same_figure_is_the_same_file(tmp_path: Path) -> None:

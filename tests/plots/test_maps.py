@@ -35,6 +35,15 @@ def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
 
 
+@pytest.mark.parametrize("plane", ["joints", "reach", "holding"])
+def test_steps_in_maps_are_explained(plane: str) -> None:
+    """Where a load case ends, a map jumps: said where a machine has such cases, nowhere else."""
+    words = "steps: where the pitch of bucket ends load case full"
+    for name, said in (("excavator_20t", True), ("loader_crane", False)):
+        title = plots.map_figure(mapped(name), plane).axes[0].get_title()
+        assert (words in title) == said
+
+
 def test_a_reach_map_draws_its_own_cells() -> None:
     reach_map = mapped("crossing", 3).reach_map()
     (mesh,) = reach_map.plot().collections

@@ -9,6 +9,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import plots
+from armdesign.drawing.colours import actuator_colours
 from tests import machines
 from tests.simulation.valves import with_valves
 
@@ -66,6 +67,12 @@ def test_modes_are_drawn_pose_by_pose(tmp_path: Path) -> None:
     ax = poses.plot()
     forces = np.array([line.get_ydata() for line in ax.lines[:3]])
     np.testing.assert_allclose(forces, poses.cylinder_forces.T / 1000)
+    colours = actuator_colours(machine)
+    drawn_in = [line.get_color() for line in ax.lines[:3]]
+    assert drawn_in == [colours[actuator.name] for actuator in machine.actuators]
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words == ["boom", "stick", "bucket"]
+    assert poses[1:3].machine is machine
 
 
 def test_unstable_poses_have_no_dot_and_one_pose_is_enough(tmp_path: Path) -> None:
