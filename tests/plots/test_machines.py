@@ -185,6 +185,21 @@ def test_an_unusable_machine_is_drawn_and_refused(
     assert "armdesign: wrong.toml" in capsys.readouterr().err
 
 
+def test_a_pin_that_set_mirrors_is_drawn_and_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    mirrored = ["draw", "excavator_20t", "--set", "cylinder.stick.base.at_mm.0=-3416.5"]
+    assert main([*mirrored, "--pictures", "svg"], monkeypatch) == 2
+    drawn = (tmp_path / "out/draw_excavator_20t/machine.svg").read_text()
+    assert "stick.base lies outside the outline of its link" in drawn
+    assert "cylinder.stick.stroke_mm" in capsys.readouterr().err
+    unknown = ["draw", "excavator_20t", "--set", "cylinder.boom.bor=1", "--out", "none"]
+    assert main(unknown, monkeypatch) == 2
+    assert 'did you mean "cylinder.boom.bore_mm"?' in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
+
+
 def test_check_ends_with_a_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["check", "paper_1dof", "--out", "drawn"], monkeypatch) == 0
