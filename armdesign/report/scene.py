@@ -302,19 +302,15 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
     loose = _loose(view)
     placed, *gone = (_numbers(one, loose) for one in (view, *moved))
     factors = np.array([_factor(joint) for joint in machine.arm.joints])
-    colours = actuator_colours(machine)
+    exact = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
+    of_cells = MILLIHERTZ if mapped.loops is None else 0.0
     return DrawnMachine(
         label=label,
         parts=tuple(part.name for part in machine.yielding),
         cells=_whole(np.column_stack([cells.table[:, :3], place.ravel() + 1])),
-        frequencies=_packed(
-            cells.frequencies, steps=0.0 if mapped.loops is not None else MILLIHERTZ
-        ),
+        frequencies=_packed(cells.frequencies, steps=of_cells),
         poses=_whole(np.column_stack([case + 1, limits])),
-        positions=_packed(
-            np.column_stack([q * factors, lowest]),
-            steps=[0.0] * len(factors) + [MILLIHERTZ] * lowest.shape[1],
-        ),
+        positions=_packed(np.column_stack([q * factors, lowest]), steps=exact),
         standing=tuple(view.placements[0, 0].ravel().tolist()),
         placements=_packed(placed),
         swings=_packed(np.hstack([one - placed for one in gone]), 8),
@@ -324,13 +320,18 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
             for body in view.bodies
         ),
         points=_points(view, loose, machine),
-        cylinders=tuple(
-            vars(shape) | {"colour": SPRING if shape.idle else colours[shape.name]}
-            for shape in view.cylinders
-        ),
+        cylinders=_cylinders(view, machine),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
         loops=None if mapped.loops is None else _packed(mapped.loops[rows]),
+    )
+
+
+def _cylinders(view: SideView, machine: Machine) -> tuple[dict[str, Any], ...]:
+    colours = actuator_colours(machine)
+    return tuple(
+        vars(shape) | {"colour": SPRING if shape.idle else colours[shape.name]}
+        for shape in view.cylinders
     )
 
 
