@@ -36,7 +36,7 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Any:
         title = f"{label}: {run.cylinder} cylinder, fitted {run.identified_frequency:.3f} Hz"
         ax.set_title(title, fontsize=10)
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel("cylinder speed / speed that the valve asks for [–]")
+    axes[0].set_ylabel("speed / commanded speed [–]")
     fig.legend(handles=axes[0].get_legend_handles_labels()[0], loc="outside lower center", ncols=3)
     return fig
 
