@@ -84,7 +84,12 @@ def test_least_oil_for_a_frequency(
     assert frame["f1_hz"].min() >= 0.75
     oil = [sum(c.bore_area * c.stroke for c in m.cylinders) for m in (machine, today)]
     assert oil[0] < oil[1]
-    capsys.readouterr()
+    lines = capsys.readouterr().out.splitlines()
+    swept = " → ".join(f"{1000 * one:.1f}" for one in oil[::-1])
+    assert lines[0].startswith("wrote ")
+    assert lines[1].startswith(f"Oil of all cap sides: {swept} l (")
+    assert lines[1].endswith(" Hz.")
+    assert not lines[2]
     for more in (["--least", "oil"], ["--frequency", "1"]):
         assert main([*words, *more], monkeypatch) == 2
         assert "--least: goes with --frequency" in capsys.readouterr().err
