@@ -120,10 +120,24 @@ def or_today(best: CheckedMachine | None, problem: Problem) -> CheckedMachine | 
 def searches_on_length_grid(search: Search) -> list[Search]:
     """Searches with strokes and closed lengths on the drawing grid, best first.
 
-    The search as it is where that grid is fine. Of the lengths around its own, the nearest that
-    miss no requirement which pins cannot help are tried while pins follow. Where all of these miss
-    a requirement, all other strokes around its own are tried too, each with the nearest closed
-    lengths.
+    The search as it is where that grid is fine. Pins follow each of the nearest lengths around its
+    own. Where all of these miss a requirement, all other strokes around its own are tried too,
+    each with the nearest closed lengths.
+    """
+    possible = _with_lengths_near(search)
+    if len(possible) == 1 and possible[0] is search:
+        return possible
+    refined = _refined(possible[:STROKES])
+    if refined[0].violation > MISSED:
+        refined = _refined([*refined, *_one_of_each_strokes(possible[STROKES:])])
+    return [search.of(one.problem, one.x).look() for one in refined[:LENGTHS]]
+
+
+def _with_lengths_near(search: Search) -> list[Search]:
+    """Searches with strokes and closed lengths on the drawing grid, the nearest first.
+
+    Those that miss no requirement which pins cannot help; the search as it is where that grid is
+    fine.
     """
     problem = search.problem
     moving = [i for i in problem.vector.moving if problem.vector.range_poses[i] is not None]
@@ -140,11 +154,7 @@ def searches_on_length_grid(search: Search) -> list[Search]:
 
     near = sorted(itertools.product(*options), key=distance)[:COMBINATIONS]
     tried = [search.of(problem.with_lengths(lengths), search.x) for lengths in near]
-    possible = [one for one in tried if _may_follow(one)] or tried[:1]
-    refined = _refined(possible[:STROKES])
-    if refined[0].violation > MISSED:
-        refined = _refined([*refined, *_one_of_each_strokes(possible[STROKES:])])
-    return [search.of(one.problem, one.x).look() for one in refined[:LENGTHS]]
+    return [one for one in tried if _may_follow(one)] or tried[:1]
 
 
 def _refined(searches: Iterable[Search]) -> list[Search]:
@@ -175,15 +185,21 @@ def inmost_machine(search: Search) -> CheckedMachine | None:
 
     None if it misses one even so.
     """
-    search = searches_on_length_grid(search)[0]
+    possible = _with_lengths_near(search)
+    nearest = [*possible[:STROKES], *_one_of_each_strokes(possible[STROKES:])]
+    machines = (_inmost(one) for one in nearest)
+    return next((machine for machine in machines if machine.allowed), None)
+
+
+def _inmost(search: Search) -> CheckedMachine:
+    """The machine near a search, with its lengths, as far inside all limits as can be."""
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
     roles = Roles((elastic.names,), ())
     x = elastic.on_grid(elastic.solve(roles), roles).x
     sizes = _options(search)[1] if problem.sizes else _on_grid(problem, x)
-    machine = CheckedMachine.of(problem.machine.replace(changes_of(problem, x, sizes, x)), problem)
-    return machine if machine.allowed else None
+    return CheckedMachine.of(problem.machine.replace(changes_of(problem, x, sizes, x)), problem)
 
 
 def nearest_misses(search: Search) -> list[Check]:
