@@ -37,20 +37,16 @@ def test_moment_arm_digging_and_transmission_by_the_independent_reference(
     new, old = Reference.load(machine.save(tmp_path / "new.toml")), shipped_reference(today)
     checks = by_name(check(machine, today, problem.workspace, problem.requirements))
     part, before = ({c.name: c for c in m.cylinders}[cylinder] for m in (new, old))
-    (q, _, arm), (_, _, arm_before) = (
-        new.joint_scan(part, old.ranges),
-        old.joint_scan(before, old.ranges),
-    )
+    scans = new.joint_scan(part, old.ranges), old.joint_scan(before, old.ranges)
+    (q, _, arm), (_, _, arm_before) = scans
     assert checks[f"moment_arm.{cylinder}"].value == pytest.approx(np.abs(arm).min(), rel=1e-3)
     assert checks[f"moment_arm.{cylinder}"].limit == pytest.approx(
         np.abs(arm_before).min(), rel=1e-3
     )
     if cylinder != "boom":
         digging = checks[f"digging.{cylinder}"]
-        torque = [
-            PRESSURE * c.bore_area * np.abs(a).max()
-            for c, a in ((part, arm), (before, arm_before))
-        ]
+        pairs = (part, arm), (before, arm_before)
+        torque = [PRESSURE * c.bore_area * np.abs(a).max() for c, a in pairs]
         assert [digging.value, digging.limit] == pytest.approx(
             [torque[0], 0.95 * torque[1]], rel=1e-3
         )
