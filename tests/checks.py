@@ -7,6 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.testing import assert_allclose
 
+from armdesign import Bands, Machine, Workspace
+from armdesign.frequency.bands import Scenario, scenario
+
 # [rad, m] of the eighth-order differences: truncation and rounding both near 1e-11 relative
 STEP = 2e-3
 DIFFERENCE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
@@ -40,3 +43,12 @@ def assert_same(actual: np.ndarray, expected: np.ndarray, relative: float) -> No
     differences of large ones.
     """
     assert_allclose(actual, expected, rtol=0, atol=max(relative * np.abs(expected).max(), FLOOR))
+
+
+def worst_within(
+    machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None = None
+) -> Scenario:
+    """The worst scenario within the bands, at every soft corner, searched one by one."""
+    corners = bands.corners(machine, (True,))
+    worst = [scenario(machine, workspace, bands, corner, today) for corner in corners]
+    return min(worst, key=lambda one: one.frequency)

@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.frequency.bands import worst_within
 from armdesign.report.designs import design_sheets
 from armdesign.units import SI, WORKSHOP
 from tests import machines
+from tests.checks import worst_within
 from tests.commands import COMMANDS, QUICK, areas_of, assert_one_line, main, map_of, run
 
 OTHERS = {  # and what they take

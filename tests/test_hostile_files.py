@@ -51,10 +51,7 @@ def with_links(count: int, *, behind: bool = True, kind: str = "revolute") -> st
 
 # ------------------------------------------------------------------------------- what is no file
 
-ODD = (
-    ("machine", "pipe"),
-    ("machine", "device"),
-)  # quick, and could wait for ever
+ODD = (("machine", "pipe"), ("machine", "device"))  # quick, and could wait for ever
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in the file system")

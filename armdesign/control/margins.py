@@ -52,27 +52,6 @@ def phase_margin(margin: Array | float) -> Array:
     return np.asarray(2 * np.arctan(np.asarray(margin) / 2))
 
 
-def disk_margin(loop: Array) -> Array:
-    """Balanced disk margins (…,) of loops L (…, f, m, m) on grids of f frequencies."""
-    size = loop.shape[-1]
-    both = np.linalg.inv(np.eye(size) + loop) - np.eye(size) / 2
-    return np.asarray(1 / structured_norm(both).max(axis=-1))
-
-
-def structured_norm(matrices: Array) -> Array:
-    """μ(X) (…,) of complex matrices (…, m, m)."""
-    flat = np.ascontiguousarray(matrices, dtype=complex).reshape(-1, *matrices.shape[-2:])
-    return _norms(flat).reshape(matrices.shape[:-2])
-
-
-@compiled
-def _norms(matrices: Array) -> Array:
-    values = np.empty(len(matrices))
-    for i in range(len(matrices)):
-        values[i] = balanced_norm(matrices[i], 0.0)
-    return values
-
-
 @compiled
 def balanced_norm(matrix: Array, floor: float) -> float:
     """μ(X) of one matrix, or ``floor`` where that is larger."""
