@@ -1,8 +1,10 @@
-"""How tests compare: one derivative, one closeness."""
+"""How tests compare: one derivative, one closeness, one worst scenario, one limit of time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import signal
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.testing import assert_allclose
@@ -52,3 +54,19 @@ def worst_within(
     corners = bands.corners(machine, (True,))
     worst = [scenario(machine, workspace, bands, corner, today) for corner in corners]
     return min(worst, key=lambda one: one.frequency)
+
+
+@contextlib.contextmanager
+def no_longer_than(seconds: float) -> Iterator[None]:
+    """Break off what takes more processor time than that."""
+
+    def late(*_: object) -> None:
+        raise AssertionError(f"takes longer than {seconds} s")
+
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)

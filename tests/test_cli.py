@@ -32,7 +32,9 @@ OTHERS = {  # and what they take
 # ------------------------------------------------------------------------------------ what it does
 
 
-@pytest.mark.parametrize("command", QUICK)
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=() if c == "map" else pytest.mark.slow) for c in QUICK]
+)
 def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Path) -> None:
     done = run(command, "paper_1dof", "--out", "results/here", "--points", "15", folder=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -277,7 +277,7 @@ def test_what_no_pins_meet_either_is_a_conflict() -> None:
     assert "cylinder_mass" in [c.name for c in error.value.conflict]
 
 
-def test_catalogue_needs_sizes_that_vary_and_forces_that_do_not_hang_on_them() -> None:
+def test_catalogue_needs_sizes_that_vary_and_forces_that_do_not_depend_on_them() -> None:
     with pytest.raises(ArmDesignError, match='add "areas"'):
         ad.optimize(double(), workspace_of("double"), vary=("pins",), catalogue="iso")
     machine = named("redundant")

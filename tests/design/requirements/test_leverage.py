@@ -10,7 +10,7 @@ import pytest
 
 from armdesign.design.requirements.check import check
 from tests.design.designs import problem_of
-from tests.design.requirements.shared import PRESSURE, by_name, own, shipped_reference
+from tests.design.requirements.shared import CHANGES, PRESSURE, by_name, own, shipped_reference
 from tests.reference_planar import Reference
 
 
@@ -25,15 +25,7 @@ def test_moment_arm_digging_and_transmission_by_the_independent_reference(
         "excavator", moment_arm_share=1.0, transmission=math.radians(40), torque_share=0.0
     )
     today = problem.machine
-    changes = {
-        "boom": {"cylinder.boom.base.at_mm": [461.5, 0, -562.5]},
-        "stick": {
-            "cylinder.stick.rod_end.at_mm": [-780.0, 0, 346.5],
-            "cylinder.stick.bore_mm": 130.0,
-        },
-        "bucket": {"cylinder.bucket.four_bar.coupler_mm": 575.0, "cylinder.bucket.bore_mm": 115.0},
-    }[cylinder]
-    machine = today.replace(changes)
+    machine = today.replace(CHANGES[cylinder])
     new, old = Reference.load(machine.save(tmp_path / "new.toml")), shipped_reference(today)
     checks = by_name(check(machine, today, problem.workspace, problem.requirements))
     part, before = ({c.name: c for c in m.cylinders}[cylinder] for m in (new, old))
