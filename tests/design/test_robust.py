@@ -49,7 +49,9 @@ def test_the_problem_counts_the_worst_within_the_bands(name: str, bands: ad.Band
 
 
 @pytest.mark.parametrize("bands", [BANDS, AIRY, YIELDING], ids=["masses", "air", "structure"])
-@pytest.mark.parametrize("name", ["single", "double", "odd", "excavator"])
+@pytest.mark.parametrize(
+    "name", ["single", "double", "odd", pytest.param("excavator", marks=pytest.mark.slow)]
+)
 def test_the_problem_counts_the_least_gain_within_the_bands(name: str, bands: ad.Bands) -> None:
     """Its lowest ω² is that of the least f_new/f_today over all corners, times today's worst
     frequency with the file's values.

@@ -34,9 +34,8 @@ def test_what_buildability_costs(catalogue: str) -> None:
     assert float(built) < float(real)
 
 
-@pytest.mark.parametrize(
-    ("points", "poses"), [(5, 5), pytest.param(60, 24, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("points", "poses"), [(5, 5), (60, 24)])
 def test_bandwidths_are_the_worst_and_median_of_some_poses(points: int, poses: int) -> None:
     """All poses where they are few, as a bandwidth map has them; else also the lowest of both."""
     machine = ad.load("paper_1dof")
