@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # a core for each process, before numpy starts
 
+import gc
 import signal
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,6 +36,7 @@ settings.register_profile(  # new examples every time; what fails is kept and tr
     max_examples=2000,
 )
 settings.load_profile("house")
+gc.set_threshold(50_000)  # by default the search for garbage takes a sixth of the collection
 # a background job of a shell has it ignored
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -105,15 +105,15 @@ def _below(square: Array, limit: float) -> bool:
     lower = np.empty((m, m), np.complex128)  # of limit · I − square
     for i in range(m):
         for j in range(i + 1):
-            rest = (limit if i == j else 0.0) - square[i, j]
+            pivot = (limit if i == j else 0.0) - square[i, j]
             for k in range(j):
-                rest -= lower[i, k] * lower[j, k].conjugate()
+                pivot -= lower[i, k] * lower[j, k].conjugate()
             if i > j:
-                lower[i, j] = rest / lower[j, j].real
-            elif rest.real <= 0.0:
+                lower[i, j] = pivot / lower[j, j].real
+            elif pivot.real <= 0.0:
                 return False
             else:
-                lower[i, i] = math.sqrt(rest.real)
+                lower[i, i] = math.sqrt(pivot.real)
     return True
 
 
