@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.frequency.bands import worst_within
 from armdesign.report.designs import design_sheets
 from armdesign.units import SI, WORKSHOP
 from tests import machines
+from tests.checks import worst_within
 from tests.commands import COMMANDS, QUICK, areas_of, assert_one_line, main, map_of, run
 
 OTHERS = {  # and what they take
@@ -32,7 +32,9 @@ OTHERS = {  # and what they take
 # ------------------------------------------------------------------------------------ what it does
 
 
-@pytest.mark.parametrize("command", QUICK)
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=() if c == "map" else pytest.mark.slow) for c in QUICK]
+)
 def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Path) -> None:
     done = run(command, "paper_1dof", "--out", "results/here", "--points", "15", folder=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -258,12 +258,12 @@ def test_rules_find_their_headline() -> None:
     real, built = (float(x) for x in re.findall(r"\+([\d.]+) %", words)[:2])
     pairs = re.findall(r"\+([\d.]+) and\s+\+([\d.]+) %", words)
     (lift,) = re.findall(r"(\d+) % of the lift", words)
-    told = {"none": (real, built)} | {
+    stated = {"none": (real, built)} | {
         rule: (float(one), float(two))
         for rule, (one, two) in zip(("buckling", "torque", "lift"), pairs, strict=True)
     }
-    table = module.run(["excavator_20t"], list(told)).loc["excavator_20t"]
-    for rule, gains in told.items():
+    table = module.run(["excavator_20t"], list(stated)).loc["excavator_20t"]
+    for rule, gains in stated.items():
         assert 100 * table.loc[rule, ["real", "built"]].to_numpy() == pytest.approx(gains, abs=0.1)
     assert 100 * table.loc["lift", "lift_share"] == pytest.approx(float(lift), abs=0.5)
 

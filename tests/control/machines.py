@@ -49,7 +49,6 @@ def one_mass(omega: float, ratio: float, valve: float = 1e4, delay: float = 0.0)
         moment_arms=one[None],
         oil_stiffness=omega**2 * one,
         areas=one[0],
-        speed_gains=one,
         frequencies=omega / (2 * np.pi) * one,
         damping=ratio * one,
         valve_omega=valve * one[0],

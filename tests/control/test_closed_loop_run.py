@@ -9,10 +9,10 @@ import pytest
 
 import armdesign as ad
 from armdesign.arrays import Array
-from armdesign.control.closed_loop_run import closed_loop_run
 from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import Loops
 from armdesign.control.tuning import Aim, Task, best_of, critical_factor, damped, searched
+from tests.control.closed_loop_run import closed_loop_run
 
 MACHINES = (
     *("excavator_20t", "excavator_12t", "mini_excavator_2t"),
