@@ -5,7 +5,7 @@ together:
 
 * ``proportional``: one position gain for all joints, nothing else;
 * ``damped``: with feedback of the load pressures, one gain and one loss factor for all;
-* ``own``: gains of their own for each loop.
+* ``own``: gains of their own for each loop, which are searched: a lower bound.
 
 Velocity feed-forward changes no margin; it divides the error of a constant-speed move by the error
 of the valves' gain. Beside them stand what single-loop formulas would promise: Merritt's bound

@@ -7,7 +7,7 @@ follow those that were kept. A search finds no gains that are proven to be the l
 finds is a lower bound. It draws the same random numbers at every pose and every call.
 
 The bandwidth of a loop leaps where a dip of |T| reaches −3 dB. So that the search sees a dip come,
-the narrowest bandwidth counts twice: at −3 dB and at ``DIP``.
+the narrowest bandwidth at a lower level counts a little too.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from armdesign.control.tuning import Task
 
 LEVELS = (HALF, 0.6)  # of |T| at which bandwidths count: −3 dB, and below it
+LOWER = 0.3  # weight of the bandwidth at the lower level
 MEAN = 0.1  # weight of the mean of all loops' bandwidths beside the narrowest
 SPARE = 1.015  # of the margin, for what lies between the frequencies of a grid
 SHARES = (1.0, 0.8, 0.6, 0.4)  # of a start's position gains, of which the first may hold
@@ -192,7 +193,7 @@ def _score(search: _Search, pose: int, x: Array, best: float) -> float:
                 last[i] = size
             if f == count - 1 or widths.min() > 0.0:  # the rest is but for the margin
                 logs = np.log(np.where(widths > 0, widths, search.omega[pose, -1]))
-                score = logs[0].min() + logs[1].min() + MEAN * logs[0].mean()
+                score = logs[0].min() + LOWER * logs[1].min() + MEAN * logs[0].mean()
                 if score <= best:
                     return -np.inf
     return score
