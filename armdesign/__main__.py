@@ -1,14 +1,17 @@
 """The command ``armdesign``, also ``python -m armdesign``: Ctrl-C while it loads is one line."""
 
 import gc
+import os
 import sys
 
+THREADS = "OPENBLAS_NUM_THREADS"  # matrices have ten to a hundred rows: more threads only wait
 COLLECTED = 50_000, 10, 10  # as ``gc.set_threshold``: a run of seconds looks for cycles less often
 
 
 def main() -> None:
     """Import the commands and run one; an end while they are imported exits with code 130."""
     gc.set_threshold(*COLLECTED)
+    os.environ.setdefault(THREADS, "1")
     try:
         from armdesign import cli
     except KeyboardInterrupt:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from armdesign.errors import ArmDesignError
 from armdesign.option_values import drawn_pose, loaded
 from armdesign.options import NewArgument, PayloadOption, PoseOption
@@ -21,17 +19,13 @@ def draw(
     that moved, in mm. A machine that cannot be used is drawn too, and its faults are listed.
     """
     from armdesign import plots
-    from armdesign.inspection.file_faults import faults
-    from armdesign.machine.loading import find, load_unchecked
+    from armdesign.machine.loading import find
 
     with run.progress("drawing"):
         out = run.folder(find(run.machine))
-        wrong = [] if run.set else faults(run.machine, allow_outside=run.allow_outside)
-        try:  # with other numbers it must be one that can be used
-            reader = (
-                run.load if run.set else partial(load_unchecked, allow_outside=run.allow_outside)
-            )
-            model = reader(run.machine)
+        wrong = run.faults(run.machine)
+        try:
+            model = run.load(run.machine, check=False)
         except ArmDesignError:
             run.refuse(wrong)
             raise

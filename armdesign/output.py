@@ -316,9 +316,9 @@ def show(items: Sequence[Sheet | str]) -> None:
 def _print(items: Sequence[Sheet | str], console: Console) -> None:
     from armdesign.report.sheet import rich_table
 
-    for item in items:
+    for i, item in enumerate(items):
         if isinstance(item, str):
-            console.print(printable(item))
+            console.print(printable(item), end="\n" if i == len(items) - 1 else "\n\n")
             continue
         console.print(item.title, style="bold")
         if item.rows:

@@ -280,14 +280,26 @@ class OfMachines(Run):
     units: UnitsOption = Habit.workshop
     allow_outside: OutsideOption = False
 
-    def load(self, name: str) -> Machine:
-        """A machine, with the numbers that ``--set`` gives."""
+    def load(self, name: str, *, check: bool = True) -> Machine:
+        """A machine, with the numbers that ``--set`` gives; ``check``: that it fits together."""
         from armdesign.influence.changes import changed_machine, read_changes
-        from armdesign.machine.loading import load
+        from armdesign.machine.loading import load, load_unchecked
 
         changes = read_changes(self.set, "--set")
-        model = load(name, allow_outside=self.allow_outside)
-        return changed_machine(model, changes, "--set") if changes else model
+        model = (load if check else load_unchecked)(name, allow_outside=self.allow_outside)
+        return changed_machine(model, changes, "--set", check=check) if changes else model
+
+    def faults(self, name: str) -> list[ArmDesignError]:
+        """All that makes a machine unusable; with ``--set`` the first fault."""
+        from armdesign.inspection.file_faults import faults
+
+        wrong = faults(name, allow_outside=self.allow_outside)
+        if not wrong and self.set:
+            try:
+                self.load(name)
+            except ArmDesignError as error:
+                return [error]
+        return wrong
 
 
 @dataclass(frozen=True, kw_only=True)

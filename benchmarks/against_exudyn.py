@@ -122,7 +122,7 @@ def rivals(machine: Machine, shares: Sequence[float]) -> dict[str, tuple[Array, 
 
 
 def main() -> None:
-    """Measure and print our time and that of the fastest solver at our error."""
+    """Measure and print our time and the fastest solver's at our error."""
     machine = named("direct_bucket")
     for shares in SHARES:
         print(f"\n{len(shares)} run{'s' * (len(shares) > 1)} of {DURATION:g} s")

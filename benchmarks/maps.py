@@ -89,7 +89,7 @@ def main() -> None:
 
 
 def ratio(label: str, machine: ad.Machine) -> None:
-    """Measure and print the time of all arrays and modes over that of the loop."""
+    """Measure and print the time of all arrays and modes over the loop's."""
     model = pinocchio.buildModelFromXML(machine.arm.xml)
     q = poses_of(machine, POSES)
     coordinates, seconds = machine.arm.with_springs(q), dict[str, float]()

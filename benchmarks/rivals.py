@@ -103,7 +103,7 @@ class Judge:
 
     @cached_property
     def poses(self) -> RigidPoses:
-        """The workspace's and those of the joint ranges."""
+        """Of the workspace and of the joint ranges."""
         parts = [
             self.problem.workspace.rigid,
             *(poses for poses in self.problem.vector.range_poses if poses is not None),

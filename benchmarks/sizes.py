@@ -6,7 +6,6 @@ this process; beside the wall time stands the processor time, which a busy machi
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,10 +15,9 @@ from typing import Any
 import armdesign as ad
 from armdesign.design.catalogue.branch_and_bound import select
 from armdesign.design.catalogue.separable import allowed_sizes
-from armdesign.design.catalogue.sizes import Sizes, sized, sizes_of
-from armdesign.design.requirements.check import check
-from armdesign.frequency.modes import lowest_frequency
+from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.units import mm
+from tests.design.catalogue.enumeration import enumerated
 
 MACHINE = "excavator_20t"
 POINTS = (40, 40, 60)  # about 10⁵ poses
@@ -35,31 +33,6 @@ def best_of(action: Callable[[], Any], times: int = 3) -> tuple[str, Any]:
         took = time.perf_counter() - start[0], time.process_time() - start[1]
         shortest = [min(pair) for pair in zip(shortest, took, strict=True)]
     return f"{shortest[0]:.2f} s ({shortest[1]:.2f} s)", result
-
-
-def enumerated(
-    machine: ad.Machine, workspace: ad.Workspace, limits: ad.Requirements, sizes: Sizes
-) -> float:
-    """Best worst frequency [Hz] of all combinations that meet the requirements, each mapped."""
-    best = 0.0
-    for choice in itertools.product(sizes, repeat=len(machine.cylinders)):
-        cylinders = tuple(
-            sized(c, *size) for c, size in zip(machine.cylinders, choice, strict=True)
-        )
-        if (
-            min(
-                c.slack
-                for c in check(replace(machine, cylinders=cylinders), machine, workspace, limits)
-            )
-            < -1e-9
-        ):
-            continue
-        cases = [
-            replace(machine.with_payload(p.name), cylinders=cylinders) for p in machine.payloads
-        ]
-        held = [case.evaluate(workspace.rigid[case.holds(workspace.rigid)]) for case in cases]
-        best = max(best, min(float(lowest_frequency(poses).min()) for poses in held))
-    return best
 
 
 def main() -> None:

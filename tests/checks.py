@@ -1,11 +1,16 @@
-"""How tests compare: one derivative, one closeness."""
+"""How tests compare: one derivative, one closeness, one worst scenario, one limit of time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import signal
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.testing import assert_allclose
+
+from armdesign import Bands, Machine, Workspace
+from armdesign.frequency.bands import Scenario, scenario
 
 # [rad, m] of the eighth-order differences: truncation and rounding both near 1e-11 relative
 STEP = 2e-3
@@ -40,3 +45,28 @@ def assert_same(actual: np.ndarray, expected: np.ndarray, relative: float) -> No
     differences of large ones.
     """
     assert_allclose(actual, expected, rtol=0, atol=max(relative * np.abs(expected).max(), FLOOR))
+
+
+def worst_within(
+    machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None = None
+) -> Scenario:
+    """The worst scenario within the bands, at every soft corner, searched one by one."""
+    corners = bands.corners(machine, (True,))
+    worst = [scenario(machine, workspace, bands, corner, today) for corner in corners]
+    return min(worst, key=lambda one: one.frequency)
+
+
+@contextlib.contextmanager
+def no_longer_than(seconds: float) -> Iterator[None]:
+    """Break off what takes more processor time than that."""
+
+    def late(*_: object) -> None:
+        raise AssertionError(f"takes longer than {seconds} s")
+
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)

@@ -6,6 +6,7 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # a core for each process, before numpy starts
 
+import gc
 import signal
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,8 +36,20 @@ settings.register_profile(  # new examples every time; what fails is kept and tr
     max_examples=2000,
 )
 settings.load_profile("house")
+gc.set_threshold(50_000)  # by default the search for garbage takes a sixth of the collection
 # a background job of a shell has it ignored
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+COMPILING = ("tests/simulation/test_validation.py", "tests/control/test_bandwidth_map.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What compiles most comes first: one process compiles, the other reads it when it needs it.
+
+    A fresh clone has nothing compiled, which takes half a minute.
+    """
+    items.sort(key=lambda item: not item.nodeid.startswith(COMPILING))
+
 
 SHIPPED = tuple(shipped())
 EVERY = (

@@ -1,8 +1,5 @@
-"""Machines nobody would build, written as the text of a machine file and a URDF: tests go through
-the front door.
-
-`named` gives them, and the shipped ones, by name; `scaled` gives one another size, mass or oil by
-editing its texts.
+"""Machines nobody would build, as texts of a machine file and a URDF: tests go through the front
+door. `named` gives them, and the shipped ones, by name.
 """
 
 from __future__ import annotations
@@ -437,9 +434,7 @@ def middle(machine: Machine) -> np.ndarray:
 
 
 def inner_poses(machine: Machine, count: int, seed: int = 0) -> np.ndarray:
-    """Poses (count, nq) inside the joint ranges at which every cylinder is within its stroke and
-    holds its joint.
-    """
+    """Poses (count, nq) inside all ranges and strokes, at which cylinders hold their joints."""
     q = _reachable(machine, np.random.default_rng(seed), 50 * count)
     assert len(q) >= count, "a machine without room to move is no test"
     return q[:count]

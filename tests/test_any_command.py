@@ -11,12 +11,10 @@ import json
 import os
 import re
 import shutil
-import signal
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 
 import pandas as pd
 import pytest
@@ -27,6 +25,7 @@ from PIL import Image
 
 import armdesign as ad
 from armdesign import cli
+from tests.checks import no_longer_than
 
 SECONDS = 60  # of processor time, enough for each of these
 GOOD_NAMES = ("arm", "boom_2", "loader")
@@ -84,22 +83,6 @@ def some_options(draw: st.DrawFn, command: str) -> list[str]:
     return words
 
 
-@contextlib.contextmanager
-def limited() -> Iterator[None]:
-    """No more than some seconds of processor time."""
-
-    def too_long(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"more than {SECONDS} s")
-
-    before = signal.signal(signal.SIGPROF, too_long)
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, before)
-
-
 def contents(folder: Path) -> dict[Path, bytes | None]:
     """Every file and folder, hidden ones too."""
     paths = sorted(folder.rglob("*"))
@@ -143,7 +126,8 @@ class CommandLines(RuleBasedStateMachine):
         before, out, err = contents(self.folder), io.StringIO(), io.StringIO()
         argv, sys.argv = sys.argv, ["armdesign", *words]
         try:
-            with limited(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            streams = contextlib.redirect_stdout(out), contextlib.redirect_stderr(err)
+            with no_longer_than(SECONDS), streams[0], streams[1]:
                 cli.main()
             raise AssertionError("no exit")
         except SystemExit as end:

@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.frequency.bands import worst_within
 from armdesign.report.designs import design_sheets
 from armdesign.units import SI, WORKSHOP
 from tests import machines
+from tests.checks import worst_within
 from tests.commands import COMMANDS, QUICK, areas_of, assert_one_line, main, map_of, run
 
 OTHERS = {  # and what they take
@@ -32,7 +32,9 @@ OTHERS = {  # and what they take
 # ------------------------------------------------------------------------------------ what it does
 
 
-@pytest.mark.parametrize("command", QUICK)
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=() if c == "map" else pytest.mark.slow) for c in QUICK]
+)
 def test_a_command_writes_its_files_and_nothing_else(command: str, tmp_path: Path) -> None:
     done = run(command, "paper_1dof", "--out", "results/here", "--points", "15", folder=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -84,7 +86,12 @@ def test_least_oil_for_a_frequency(
     assert frame["f1_hz"].min() >= 0.75
     oil = [sum(c.bore_area * c.stroke for c in m.cylinders) for m in (machine, today)]
     assert oil[0] < oil[1]
-    capsys.readouterr()
+    lines = capsys.readouterr().out.splitlines()
+    swept = " → ".join(f"{1000 * one:.1f}" for one in oil[::-1])
+    assert lines[0].startswith("wrote ")
+    assert lines[1].startswith(f"Oil of all cap sides: {swept} l (")
+    assert lines[1].endswith(" Hz.")
+    assert not lines[2]
     for more in (["--least", "oil"], ["--frequency", "1"]):
         assert main([*words, *more], monkeypatch) == 2
         assert "--least: goes with --frequency" in capsys.readouterr().err

@@ -24,16 +24,23 @@ def of(folder: Path, *words: str, set_to: dict[str, str]) -> tuple[int, str]:
     return run.returncode, run.stdout + run.stderr
 
 
+@pytest.fixture(scope="module")
+def boomer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a new machine of two links."""
+    folder = tmp_path_factory.mktemp("new") / "boomer"
+    with pytest.MonkeyPatch.context() as patch:
+        assert main(["new", "boomer", "--links", "2", "--out", str(folder)], patch) == 0
+    return folder
+
+
 @pytest.mark.parametrize("key", ["lift_share", "holding_share", "buckling_share"])
 def test_a_share_that_a_file_states_for_all_is_set_for_one_actuator(
-    key: str, tmp_path: Path
+    key: str, boomer: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The file may state one number, or none: the other actuators keep what held before."""
-    assert of(tmp_path, "new", "boomer", "--links", "2", set_to={})[0] == 0
-    code, text = of(
-        tmp_path, "check", "boomer/boomer.toml", "--quiet", set_to={f"{key}.boom": "0.5"}
-    )
-    assert code == 0, text
+    monkeypatch.chdir(boomer)
+    words = ["check", "boomer.toml", "--quiet", "--set", f"requirements.{key}.boom=0.5"]
+    assert main(words, monkeypatch) == 0, capsys.readouterr().err
 
 
 def test_a_share_for_all_alone_or_for_nobody_is_refused(
@@ -57,10 +64,9 @@ def test_a_share_for_all_alone_or_for_nobody_is_refused(
     ],
 )
 def test_what_a_refusal_asks_for_gives_a_design(
-    requirements: dict[str, str], tmp_path: Path
+    requirements: dict[str, str], boomer: Path, tmp_path: Path
 ) -> None:
-    assert of(tmp_path, "new", "boomer", "--links", "2", set_to={})[0] == 0
-    words = ("optimize", "boomer/boomer.toml", "--points", "4", "--starts", "1", "--quiet")
+    words = ("optimize", str(boomer / "boomer.toml"), "--points", "4", "--starts", "1", "--quiet")
     code, refusal = of(tmp_path, *words, set_to=requirements)
     line = refusal.splitlines()[0]
     assert code == 2, refusal

@@ -126,7 +126,9 @@ def test_a_broken_file_is_one_line(
     assert message in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command", ["map", *(pytest.param(c, marks=pytest.mark.slow) for c in COMMANDS if c != "map")]
+)
 def test_a_process_of_its_own_says_the_same(command: str, tmp_path: Path) -> None:
     """Nothing on the way to the terminal: no warning, no C++ parser, no progress display."""
     name = broken(tmp_path, "rod_mm = 85", "rod_mm = 850")

@@ -27,9 +27,12 @@ def functions() -> Iterator[tuple[str, Any]]:
 
 
 PUBLIC = dict(functions())
+LONG = ("steps", "plan_move")  # they search, or plan and simulate
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in PUBLIC]
+)
 def test_its_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     examples = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={})

@@ -135,6 +135,7 @@ def test_the_command_refuses_what_means_nothing(
     refused(["optimize", "paper_1dof", "--points", "3", "--vary", "areas", *words], message)
 
 
+@pytest.mark.slow
 def test_the_command_says_what_the_bandwidth_was_and_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -83,14 +83,25 @@ def name_of(path: Path) -> str:
     return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
 
 
-PARSED = {
-    path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))
-}
-SOURCES = {
-    name_of(path): tree
-    for path, tree in PARSED.items()
-    if path.name != "__init__.py" or (path.parent != PACKAGE and len(tree.body) > 1)
-}
+@cache
+def parsed(folder: Path) -> dict[Path, ast.Module]:
+    """The modules below a folder."""
+    return {p: ast.parse(p.read_text(encoding="utf-8")) for p in sorted(folder.rglob("*.py"))}
+
+
+@cache
+def sources() -> dict[str, ast.Module]:
+    """The modules of the package by name, without rooms that only have a name."""
+    return {
+        name_of(path): tree
+        for path, tree in parsed(PACKAGE).items()
+        if path.name != "__init__.py" or (path.parent != PACKAGE and len(tree.body) > 1)
+    }
+
+
+@cache
+def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(tree))
 
 
 def room_of(module: str) -> int:
@@ -101,7 +112,7 @@ def room_of(module: str) -> int:
 
 
 def for_type_checkers(tree: ast.Module) -> set[ast.AST]:
-    blocks = [n for n in ast.walk(tree) if isinstance(n, ast.If)]
+    blocks = [n for n in nodes(tree) if isinstance(n, ast.If)]
     typing = [block for block in blocks if "TYPE_CHECKING" in ast.unparse(block.test)]
     return {node for block in typing for child in block.body for node in ast.walk(child)}
 
@@ -111,7 +122,7 @@ SHOWING = ("plot", "_repr_html_")
 
 def inside_plot(tree: ast.Module) -> set[ast.AST]:
     """What is in methods by which results draw or show themselves: they open the door to it."""
-    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)]
+    functions = [n for n in nodes(tree) if isinstance(n, ast.FunctionDef)]
     methods = [function for function in functions if function.name in SHOWING]
     return {node for method in methods for node in ast.walk(method)}
 
@@ -121,7 +132,7 @@ def imports(tree: ast.Module, *, drawing: bool = True) -> set[str]:
     """Dotted names of all imports, inside functions too, but not those for type checkers alone."""
     left_out = for_type_checkers(tree) | (set() if drawing else inside_plot(tree))
     names: set[str] = set()
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if node in left_out:
             continue
         if isinstance(node, ast.Import):
@@ -142,36 +153,38 @@ def own(tree: ast.Module) -> set[str]:
         words = name.split(".")
         if words[0] == "armdesign" and words[1] != "__version__":
             starts = (".".join(words[1:n]) for n in range(len(words), 1, -1))
-            modules.add(next(start for start in starts if start in SOURCES))
+            modules.add(next(start for start in starts if start in sources()))
     return modules
 
 
-def test_files_and_functions_are_short() -> None:
+@pytest.mark.parametrize("folder", ["armdesign", "benchmarks", "studies", "tests"])
+def test_files_and_functions_are_short(folder: str) -> None:
     """Files below 450 lines, and bodies without their docstring below 40."""
-    for path, tree in PARSED.items():
+    for path, tree in parsed(ROOT / folder).items():
         assert len(path.read_text(encoding="utf-8").splitlines()) < 450, path
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.FunctionDef):
                 body = node.body[1:] if ast.get_docstring(node) else node.body
-                assert not body or body[-1].end_lineno - body[0].lineno + 1 < 40, node.name
+                lines = body[-1].end_lineno - body[0].lineno + 1 if body else 0
+                assert lines < 40, f"{path}: {node.name}"
 
 
 def test_every_room_is_there() -> None:
-    assert {room_of(module) for module in SOURCES} == set(range(len(ROOMS)))
+    assert {room_of(module) for module in sources()} == set(range(len(ROOMS)))
 
 
-@pytest.mark.parametrize("module", SOURCES)
-def test_imports_point_downwards(module: str) -> None:
-    above = {other for other in own(SOURCES[module]) if room_of(other) > room_of(module)}
-    assert not above
+def test_imports_point_downwards() -> None:
+    for module, tree in sources().items():
+        above = {other for other in own(tree) if room_of(other) > room_of(module)}
+        assert not above, module
 
 
 def test_no_module_imports_itself_by_way_of_others() -> None:
-    TopologicalSorter({module: own(tree) for module, tree in SOURCES.items()}).prepare()
+    TopologicalSorter({module: own(tree) for module, tree in sources().items()}).prepare()
 
 
 def test_simulation_and_design_do_not_know_each_other() -> None:
-    for module, tree in SOURCES.items():
+    for module, tree in sources().items():
         for one, other in (("design", "simulation"), ("simulation", "design")):
             if module.startswith(f"{one}."):
                 assert not {name for name in own(tree) if name.startswith(f"{other}.")}, module
@@ -181,7 +194,7 @@ def test_simulation_and_design_do_not_know_each_other() -> None:
 def test_each_library_has_its_door(library: str) -> None:
     users = {
         module
-        for module, tree in SOURCES.items()
+        for module, tree in sources().items()
         if library in {name.split(".")[0] for name in imports(tree)}
     }
     assert users <= DOORS[library]
@@ -278,65 +291,54 @@ def section(docstring: str, title: str) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("module", SOURCES)
-def test_docstrings_say_what_the_code_has(module: str) -> None:
+def parameters(function: ast.FunctionDef) -> list[str]:
+    arguments = function.args
+    known = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+    return [a.arg for a in (*known, arguments.vararg, arguments.kwarg) if a]
+
+
+def fields(kind: ast.ClassDef) -> set[str]:
+    """Names of attributes and methods, and of what is assigned in ``__init__``."""
+    typed = (f.target for f in kind.body if isinstance(f, ast.AnnAssign))
+    methods = {m.name: m for m in kind.body if isinstance(m, ast.FunctionDef)}
+    names = {target.id for target in typed if isinstance(target, ast.Name)} | set(methods)
+    if init := methods.get("__init__"):
+        names |= {n.attr for n in ast.walk(init) if isinstance(n, ast.Attribute)}
+        names |= set(parameters(init))
+    return names
+
+
+def test_docstrings_say_what_the_code_has() -> None:
     """Every public thing has one that ends its first line as a sentence; the names it lists
     exist.
     """
-    assert ast.get_docstring(SOURCES[module]), f"{module} has no docstring"
-    for name, node in public(SOURCES[module]):
-        text = ast.get_docstring(node)
-        assert text, f"{module}.{name} has no docstring"
-        first = text.splitlines()[0]
-        assert first.rstrip()[-1] in ".:;?!", f"{module}.{name}: {first}"
-        if isinstance(node, ast.FunctionDef):
-            arguments = node.args
-            known = [
-                a.arg for a in [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
-            ]
-            known += [a.arg for a in (arguments.vararg, arguments.kwarg) if a]
-            listed = section(text, "Args")
-            assert set(listed) <= set(known), f"{module}.{name} has no {set(listed) - set(known)}"
-            if arguments.kwarg is None and listed:
-                assert set(known) - {"self", "cls"} == set(listed), (
-                    f"{module}.{name}: {known} but {listed}"
-                )
-        else:
-            fields = {
-                f.target.id
-                for f in node.body
-                if isinstance(f, ast.AnnAssign) and isinstance(f.target, ast.Name)
-            }
-            fields |= {m.name for m in node.body if isinstance(m, ast.FunctionDef)}
-            init = next(
-                (m for m in node.body if isinstance(m, ast.FunctionDef) and m.name == "__init__"),
-                None,
-            )
-            if init is not None:
-                assigned = [n for n in ast.walk(init) if isinstance(n, ast.Attribute)]
-                fields |= {a.arg for a in init.args.args} | {n.attr for n in assigned}
-            listed = section(text, "Attributes") + section(text, "Args")
-            assert set(listed) <= fields, f"{module}.{name} has no {set(listed) - fields}"
+    for module, tree in sources().items():
+        assert ast.get_docstring(tree), f"{module} has no docstring"
+        for name, node in public(tree):
+            text = ast.get_docstring(node)
+            assert text, f"{module}.{name} has no docstring"
+            first = text.splitlines()[0]
+            assert first.rstrip()[-1] in ".:;?!", f"{module}.{name}: {first}"
+            listed = set(section(text, "Args"))
+            if isinstance(node, ast.FunctionDef):
+                known = set(parameters(node))
+                if node.args.kwarg is None and listed:
+                    assert known - {"self", "cls"} == listed, f"{module}.{name}"
+            else:
+                known = fields(node)
+                listed |= set(section(text, "Attributes"))
+            assert listed <= known, f"{module}.{name} has no {listed - known}"
 
 
-@pytest.mark.parametrize("module", SOURCES)
-def test_messages_did_not_lose_their_f(module: str) -> None:
+def test_messages_did_not_lose_their_f() -> None:
     """A string with a name in braces is formatted, unless it is a documented template."""
-    formatted = {
-        id(part)
-        for node in ast.walk(SOURCES[module])
-        if isinstance(node, ast.JoinedStr)
-        for part in node.values
-    }
-    raised = [node for node in ast.walk(SOURCES[module]) if isinstance(node, ast.Raise | ast.Call)]
-    for node in raised:
-        for part in ast.walk(node):
-            if (
-                isinstance(part, ast.Constant)
-                and isinstance(part.value, str)
-                and id(part) not in formatted
-            ):
+    for module, tree in sources().items():
+        strings = [node.values for node in nodes(tree) if isinstance(node, ast.JoinedStr)]
+        formatted = {id(part) for values in strings for part in values}
+        said = [node for node in nodes(tree) if isinstance(node, ast.Raise | ast.Call)]
+        parts = {id(part): part for node in said for part in ast.walk(node)}
+        for part in (part for name, part in parts.items() if name not in formatted):
+            if isinstance(part, ast.Constant) and isinstance(part.value, str):
                 names = [text.split("}")[0] for text in part.value.split("{")[1:] if "}" in text]
-                assert not any(
-                    name.replace("_", "a").replace(".", "a").isalnum() for name in names
-                ), part.value
+                plain = [name.replace("_", "a").replace(".", "a") for name in names]
+                assert not any(map(str.isalnum, plain)), f"{module}: {part.value}"

@@ -14,11 +14,9 @@ import pytest
 
 import armdesign as ad
 from armdesign.machine.file.schema import MachineSection
+from docs import generated_pages
 from tests import validation_figures
 from tests.pages import DOCS, PAGES, PROSE, ROOT, RUNS, is_slow, page
-
-sys.path.insert(0, str(DOCS))
-import generated_pages
 
 LONG = ("docs/own_machine.md", "docs/report.md", "docs/howto/bands.md")
 WITH_BLOCKS = [path for path in PAGES if page(path).examples()]

@@ -23,6 +23,24 @@ def test_as_a_module(tmp_path: Path) -> None:
     assert "--help" in run_of.stdout
 
 
+@pytest.mark.parametrize(("asked", "expected"), [({}, {1}), ({"OPENBLAS_NUM_THREADS": "2"}, {2})])
+def test_one_thread_of_linear_algebra_unless_asked(
+    asked: dict[str, str], expected: set[int]
+) -> None:
+    """Of numpy's OpenBLAS, where it has threads: more slow small matrices down."""
+    if (os.cpu_count() or 1) < 2:
+        pytest.skip("one core has one thread anyway")
+    say = "import atexit, threadpoolctl; atexit.register(lambda: print(*(p['num_threads']"
+    say += " for p in threadpoolctl.threadpool_info() if p['user_api'] == 'blas')))"
+    code = f"import sys; {say}; sys.argv = ['armdesign', 'check', 'no_such_machine']"
+    code += "; from armdesign.__main__ import main; main()"
+    kept = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+    finished = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=kept | asked
+    )
+    assert {int(count) for count in finished.stdout.split()} == expected, finished.stderr
+
+
 @pytest.mark.slow
 def test_a_terminal_without_our_signs(tmp_path: Path) -> None:
     finished = run("check", "paper_1dof", folder=tmp_path, PYTHONIOENCODING="ascii")

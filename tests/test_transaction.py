@@ -28,7 +28,6 @@ AFTER = OLD | NEW
 KILLED = """
 import os, shutil, signal, sys
 from pathlib import Path
-sys.path.insert(0, sys.argv[2])
 from tests.test_transaction import OLD, NEW, AFTER, contents, fill, write
 from armdesign.transaction import mend, staged
 
@@ -207,8 +206,8 @@ def test_killed_at_any_step_all_files_are_old_or_new(tmp_path: Path) -> None:
     """Before every step of a move, of one that fails and is undone, and of what mends it, killed
     again and again.
     """
-    words = [sys.executable, "-c", KILLED, str(tmp_path), str(Path(__file__).parents[1])]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    words, root = [sys.executable, "-c", KILLED, str(tmp_path)], Path(__file__).parents[1]
+    done = subprocess.run(words, cwd=root, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
     assert int(done.stdout) > 100
 

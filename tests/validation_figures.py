@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import armdesign as ad
+from armdesign.design.requirements.check import digging_forces
 from armdesign.paper.configurations import grid
 from armdesign.units import mm
 from tests import machines
@@ -93,6 +94,12 @@ def decade(deviation: float) -> str:
     return f"below 1e{math.ceil(math.log10(max(deviation, 1e-9)))}"
 
 
+def digging() -> str:
+    """Of bucket and stick, after ISO 6015, as `armdesign check` prints them."""
+    forces = digging_forces(ad.load("excavator_20t"))
+    return " / ".join(f"{forces[name] / 1000:.1f}" for name in ("bucket", "stick")) + " kN"
+
+
 CRANE = "recording (`robots/loader_crane/SOURCE.md`) of a moving PATU 655, six poses"
 PLANAR = "independent planar implementation"
 EXAMPLE = (
@@ -113,6 +120,12 @@ FIGURES: list[tuple[str, str, str, Callable[[], str]]] = [  # quantity, source, 
         PLANAR,
         "0.910210 Hz",
         lambda: worst_of(machines.rigid("excavator_20t")),
+    ),
+    (
+        "digging forces of the 20 t machine",
+        "Cat 320 sheet (`robots/excavator_20t/SOURCE.md`)",
+        "140.5 / 106.7 kN",
+        digging,
     ),
     ("nonlinear simulation there, three modes", "the linear answer", "equal", simulated),
     *(

@@ -5,7 +5,7 @@ together:
 
 * ``proportional``: one position gain for all joints, nothing else;
 * ``damped``: with feedback of the load pressures, one gain and one loss factor for all;
-* ``own``: gains of their own for each loop.
+* ``own``: gains of their own for each loop, which are searched: a lower bound.
 
 Velocity feed-forward changes no margin; it divides the error of a constant-speed move by the error
 of the valves' gain. Beside them stand what single-loop formulas would promise: Merritt's bound
@@ -17,34 +17,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, Filter
-from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
-from armdesign.control.loops import Loops
-from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN, disk_margin_for
+from armdesign.control.loop_plant import LoopPlant
+from armdesign.control.map_parts import ControlOptions, MapPart, map_parts
+from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN
+from armdesign.control.own_bandwidths import Schemes, schemes
 from armdesign.control.settling import settling_time, tracking_error
-from armdesign.control.tuning import (
-    Aim,
-    Gains,
-    Task,
-    Tuned,
-    best_of,
-    critical_factor,
-    damped,
-    proportional,
-    searched,
-)
-from armdesign.errors import ArmDesignError, PoseError
-from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
+from armdesign.control.tuning import Tuned, critical_factor
+from armdesign.errors import ArmDesignError
+from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import Poses
 from armdesign.short_repr import short_repr
 from armdesign.units import deg
 
@@ -56,41 +46,6 @@ if TYPE_CHECKING:
 SCHEMES = ("proportional", "damped", "own")
 GAIN_ERROR = 0.15  # of the valve's gain, as a controller knows it: what feed-forward leaves
 RULE = 3.0  # usual practice: a bandwidth of a third of the lowest natural frequency
-SAMPLES = (0.0, 0.15, 0.7)  # ranks by frequency of poses whose gains are searched, per load case
-CHUNK = 1_000  # poses whose frequency responses are in memory
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlOptions:
-    """Requirements on the controllers.
-
-    Attributes:
-        damping: ratio of all modes in place of the file's damping; None: the file's.
-        delay: between demand and spool [s].
-        gain_margin_db: that all loops keep together [dB].
-        phase_margin: that all loops keep together [rad].
-        filter: of load pressures.
-        corner: of that filter [rad/s]; None: follows the lowest natural frequency.
-    """
-
-    damping: float | None = None
-    delay: float = 0.0
-    gain_margin_db: float = GAIN_MARGIN_DB
-    phase_margin: float = PHASE_MARGIN
-    filter: Filter = "high-pass"
-    corner: float | None = None
-
-    @property
-    def aim(self) -> Aim:
-        """Disk margin and filter."""
-        margin = disk_margin_for(self.gain_margin_db, self.phase_margin)
-        if self.corner is not None and not 0 < self.corner < math.inf:
-            fault = f"{self.corner:g} rad/s is not allowed"
-            raise ArmDesignError("corner", fault, "give a positive number")
-        if self.filter not in ("high-pass", "band-pass"):
-            fault, remedy = f"{self.filter!r} is none", "give high-pass or band-pass"
-            raise ArmDesignError("filter", fault, remedy)
-        return Aim(margin=margin, filter=self.filter, corner=self.corner)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -220,10 +175,9 @@ def bandwidth_map(
     )
     aim = options.aim
     workspace = workspace or Workspace.grid(machine, points=default_points(machine))
-    cases = list(load_cases(machine, workspace))
-    parts = list(_parts(cases, machine))
-    candidates = _candidates(parts, options, aim)
-    tables = [_tabled(part, options, aim, candidates) for part in parts]
+    parts = map_parts(list(load_cases(machine, workspace)), machine)
+    found = schemes(parts, options)
+    tables = [_tabled(part, options, each) for part, each in zip(parts, found, strict=True)]
     bandwidths = _assembled(machine, workspace, options, tables)
     if not bandwidths.frame["own_hz"].any():
         fault = (
@@ -241,55 +195,8 @@ def default_points(machine: Machine) -> int:
     return max(2, round(500 ** (1 / moving)))
 
 
-class _CasePart(NamedTuple):
-    """Poses of a load case, and at which of them a controller can work."""
-
-    case: CasePoses
-    poses: Poses
-    works: Array  # indices
-
-    def task(self, options: ControlOptions, aim: Aim, rows: Array) -> Task:
-        """Plants and loops at some of the poses at which a controller works."""
-        poses = self.poses[self.works[rows]]
-        plant = loop_plant(self.case.machine, poses, options.damping, options.delay)
-        return Task(plant, Loops.of(plant), aim)
-
-
-def _parts(cases: Sequence[CasePoses], machine: Machine) -> list[_CasePart]:
-    """All poses in parts, load case by load case.
-
-    Raises:
-        PoseError: a controller works at none of them.
-    """
-    parts: dict[str, list[_CasePart]] = {case.name: [] for case in cases}
-    for case, _, rigid in in_chunks(cases, f"{machine.name}: bandwidths"):
-        poses = poses_of(cases, case, rigid) if len(rigid) else None
-        for begin in range(0, len(rigid), CHUNK):
-            assert poses is not None
-            some = poses[begin : begin + CHUNK]
-            works = np.flatnonzero(workable(case.machine, some))
-            parts[case.name].append(_CasePart(case, some, works))
-    listed = [part for of_case in parts.values() for part in of_case]
-    if not any(len(part.works) for part in listed):
-        fault = "at no pose of the workspace can its valves move all loads both ways"
-        remedy = "raise supply.pressure_bar or reliefs, or give lighter load cases"
-        raise PoseError(f"{machine.name}: control", fault, remedy)
-    return listed
-
-
-def _candidates(parts: Sequence[_CasePart], options: ControlOptions, aim: Aim) -> list[Gains]:
-    """Gains without unit of their own for each loop, searched at a few poses of each load case."""
-    candidates = list[Gains]()
-    for part in parts:
-        if len(part.works):
-            order = natural_modes(part.poses[part.works]).frequencies[:, 0].argsort()
-            rows = np.unique([order[round(rank * (len(order) - 1))] for rank in SAMPLES])
-            candidates += searched(part.task(options, aim, rows))
-    return candidates
-
-
 def _tabled(
-    part: _CasePart, options: ControlOptions, aim: Aim, candidates: Sequence[Gains]
+    part: MapPart, options: ControlOptions, found: Schemes | None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Rows of the frame and of the gains of one part."""
     import pandas as pd
@@ -301,21 +208,20 @@ def _tabled(
     columns["works"] = np.isin(np.arange(len(poses)), part.works)
     columns["f1_hz"] = natural_modes(poses).frequencies[:, 0]
     frame, gains = pd.DataFrame(columns), pd.DataFrame(index=range(len(poses)))
-    if len(part.works) == 0:
+    if found is None:
         return frame, gains
-    task = part.task(options, aim, np.arange(len(part.works)))
-    simple = proportional(task)
-    common = damped(task).or_wider(simple)
-    own = best_of(task, candidates).or_wider(common)
-    figures, numbers = _single_loop(task.plant), dict[str, Array]()
-    for scheme, tuned in zip(SCHEMES, (simple, common, own), strict=True):
+    plant = part.plant(options)
+    figures, numbers = _single_loop(plant), dict[str, Array]()
+    for scheme in SCHEMES:
+        tuned = getattr(found, scheme)
         figures |= _figures(machine, scheme, tuned)
-        error = tracking_error(task.plant, tuned.controller).max(axis=1)
+        error = tracking_error(plant, tuned.controller).max(axis=1)
         figures[f"{scheme}_tracking_s"] = np.where(np.isfinite(error), error, 0.0)
         numbers |= _numbers(machine, scheme, tuned.controller)
-    figures["own_settling_s"] = settling_time(task.plant, own.controller)
-    figures["own_critical"] = critical_factor(task.plant, own.controller)
-    numbers["corner_rad_per_s"] = own.controller.corner
+    own = found.own.controller
+    figures["own_settling_s"] = settling_time(plant, own)
+    figures["own_critical"] = critical_factor(plant, own)
+    numbers["corner_rad_per_s"] = own.corner
     for table, new in ((frame, figures), (gains, numbers)):
         for name, values in new.items():
             spread = np.zeros(len(poses))

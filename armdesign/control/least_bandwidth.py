@@ -11,8 +11,8 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.bandwidth_map import ControlOptions
 from armdesign.control.loop_plant import workable
+from armdesign.control.map_parts import ControlOptions
 from armdesign.control.pose_bandwidth import common_gains
 from armdesign.errors import PoseError
 from armdesign.frequency.cases import CasePoses, load_cases

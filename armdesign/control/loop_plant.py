@@ -52,7 +52,6 @@ class LoopPlant(ReadOnly):
         moment_arms: R (n, nc, nq) [m/rad].
         oil_stiffness: of each actuator with compliance (n, nc) [N/m].
         areas: bore areas (nc,) [m²].
-        speed_gains: piston speed by spool position at rest, mean of both sides (n, nc) [m/s].
         frequencies: of the modes, ascending (n, k) [Hz].
         damping: damping ratios of the modes (n, k).
         valve_omega: natural frequencies of the spools (nc,) [rad/s].
@@ -67,7 +66,6 @@ class LoopPlant(ReadOnly):
     moment_arms: Array
     oil_stiffness: Array
     areas: Array
-    speed_gains: Array
     frequencies: Array
     damping: Array
     valve_omega: Array
@@ -202,7 +200,6 @@ def loop_plant(
         moment_arms=arms[:, :, : poses.q.shape[1]],
         oil_stiffness=against,
         areas=areas[:, 0],
-        speed_gains=gains,
         frequencies=frequencies,
         damping=ratios,
         valve_omega=2 * math.pi * np.array([valve.natural_frequency for valve in valves]),

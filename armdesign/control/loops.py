@@ -96,7 +96,7 @@ class Loops(ReadOnly):
             rows: indices of the poses (m,).
         """
         keeps = np.empty(len(rows), dtype=bool)
-        _write_holds(self._args(controller), 1 / margin, rows, self._worst, keeps)
+        _write_holds(self.arguments(controller), 1 / margin, rows, self._worst, keeps)
         return keeps
 
     @cached_property
@@ -109,12 +109,13 @@ class Loops(ReadOnly):
         n, nq = len(self.omega), self.positions.shape[2]
         shapes = n, n, (n, nq), (n, nq), (n, nq), n
         figures = LoopFigures._make(np.zeros(shape) for shape in shapes)
-        _write_figures(self._args(controller), self.omega, figures)
+        _write_figures(self.arguments(controller), self.omega, figures)
         closed = controller.position.all(axis=1)
         return LoopFigures(*((values.T * closed).T for values in figures))
 
-    def _args(self, controller: Controller) -> _Arguments:
-        return _Arguments(
+    def arguments(self, controller: Controller) -> LoopArguments:
+        """These loops with their controllers, for compiled code."""
+        return LoopArguments(
             self.positions,
             self.pressures,
             self.moment_arms,
@@ -150,7 +151,9 @@ class LoopFigures(NamedTuple):
         return np.minimum(self.command_margin, self.position_margin)
 
 
-class _Arguments(NamedTuple):
+class LoopArguments(NamedTuple):
+    """Loops and their controllers, for compiled code."""
+
     positions: Array
     pressures: Array
     arms: Array
@@ -160,8 +163,8 @@ class _Arguments(NamedTuple):
 
 
 @borrowing
-def _close(
-    loops: _Arguments, pose: int, f: int, opened: Array, S_c: Array, closed: Array, S: Array
+def close_loops(
+    loops: LoopArguments, pose: int, f: int, opened: Array, S_c: Array, closed: Array, S: Array
 ) -> None:
     """Write (I + L_c)⁻¹, P (I + L_c)⁻¹ R and (I + L_p)⁻¹ of a pose at its frequency f.
 
@@ -189,7 +192,9 @@ def _close(
 
 
 @compiled
-def _write_holds(loops: _Arguments, limit: float, rows: Array, worst: Array, keeps: Flags) -> None:
+def _write_holds(
+    loops: LoopArguments, limit: float, rows: Array, worst: Array, keeps: Flags
+) -> None:
     nq, nc = loops.positions.shape[2], loops.positions.shape[3]
     opened, S_c = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
     closed, S = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
@@ -198,7 +203,7 @@ def _write_holds(loops: _Arguments, limit: float, rows: Array, worst: Array, kee
         first = worst[rows[row]]
         for turn in range(loops.positions.shape[1]):
             f = first if turn == 0 else turn - 1 if turn <= first else turn
-            _close(loops, rows[row], f, opened, S_c, closed, S)
+            close_loops(loops, rows[row], f, opened, S_c, closed, S)
             for i in range(nc):
                 S_c[i, i] -= 0.5
             for i in range(nq):
@@ -209,7 +214,7 @@ def _write_holds(loops: _Arguments, limit: float, rows: Array, worst: Array, kee
 
 
 @compiled
-def _write_figures(loops: _Arguments, omega: Array, figures: LoopFigures) -> None:
+def _write_figures(loops: LoopArguments, omega: Array, figures: LoopFigures) -> None:
     nq, nc = loops.positions.shape[2], loops.positions.shape[3]
     opened, S_c = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
     closed, S = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
@@ -218,7 +223,7 @@ def _write_figures(loops: _Arguments, omega: Array, figures: LoopFigures) -> Non
         figures.bandwidth[pose], figures.command_bandwidth[pose] = 0.0, 0.0
         figures.loop_margins[pose] = np.inf
         for f in range(omega.shape[1]):
-            _close(loops, pose, f, opened, S_c, closed, S)
+            close_loops(loops, pose, f, opened, S_c, closed, S)
             for i in range(nc):
                 S_c[i, i] -= 0.5
             figures.peak[pose] = balanced_norm(S, figures.peak[pose])

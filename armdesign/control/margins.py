@@ -52,27 +52,6 @@ def phase_margin(margin: Array | float) -> Array:
     return np.asarray(2 * np.arctan(np.asarray(margin) / 2))
 
 
-def disk_margin(loop: Array) -> Array:
-    """Balanced disk margins (…,) of loops L (…, f, m, m) on grids of f frequencies."""
-    size = loop.shape[-1]
-    both = np.linalg.inv(np.eye(size) + loop) - np.eye(size) / 2
-    return np.asarray(1 / structured_norm(both).max(axis=-1))
-
-
-def structured_norm(matrices: Array) -> Array:
-    """μ(X) (…,) of complex matrices (…, m, m)."""
-    flat = np.ascontiguousarray(matrices, dtype=complex).reshape(-1, *matrices.shape[-2:])
-    return _norms(flat).reshape(matrices.shape[:-2])
-
-
-@compiled
-def _norms(matrices: Array) -> Array:
-    values = np.empty(len(matrices))
-    for i in range(len(matrices)):
-        values[i] = balanced_norm(matrices[i], 0.0)
-    return values
-
-
 @compiled
 def balanced_norm(matrix: Array, floor: float) -> float:
     """μ(X) of one matrix, or ``floor`` where that is larger."""
@@ -126,15 +105,15 @@ def _below(square: Array, limit: float) -> bool:
     lower = np.empty((m, m), np.complex128)  # of limit · I − square
     for i in range(m):
         for j in range(i + 1):
-            rest = (limit if i == j else 0.0) - square[i, j]
+            pivot = (limit if i == j else 0.0) - square[i, j]
             for k in range(j):
-                rest -= lower[i, k] * lower[j, k].conjugate()
+                pivot -= lower[i, k] * lower[j, k].conjugate()
             if i > j:
-                lower[i, j] = rest / lower[j, j].real
-            elif rest.real <= 0.0:
+                lower[i, j] = pivot / lower[j, j].real
+            elif pivot.real <= 0.0:
                 return False
             else:
-                lower[i, i] = math.sqrt(rest.real)
+                lower[i, i] = math.sqrt(pivot.real)
     return True
 
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.bandwidth_map import ControlOptions
 from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
 from armdesign.control.loops import Loops
+from armdesign.control.map_parts import ControlOptions
 from armdesign.control.tuning import Task, damped, proportional
 from armdesign.errors import PoseError
 from armdesign.machine.machine import Machine

@@ -1,4 +1,4 @@
-"""Closed loops in time: settling after a step, the error of a move at constant speed, damping."""
+"""Closed loops in time: settling after a step, the error of a move at constant speed."""
 
 from __future__ import annotations
 
@@ -53,15 +53,3 @@ def tracking_error(plant: LoopPlant, controller: Controller) -> Array:
     gain = 2 * inverse[0] - inverse[1]  # 1/(K + s) extrapolated to s = 0
     with np.errstate(divide="ignore"):
         return np.where(controller.position > 0, 1 / np.abs(gain), np.inf)
-
-
-def damping_ratios(plant: LoopPlant, controller: Controller) -> tuple[Array, Array]:
-    """Frequency [Hz] and damping ratio of each closed loop's least damped oscillation (n,)."""
-    poles = np.linalg.eigvals(closed_loop(plant, controller)[0])
-    size = np.abs(poles)
-    swings = (poles.imag > 0) & (size > CREEP * plant.omega[:, None])
-    ratio = np.where(swings, -poles.real / np.where(swings, size, 1.0), np.inf)
-    least = ratio.argmin(axis=1)[:, None]
-    picked = (np.take_along_axis(of, least, axis=1)[:, 0] for of in (size, ratio))
-    omega, ratios = picked
-    return omega / (2 * math.pi), ratios

@@ -2,16 +2,14 @@
 
 Gains are found in numbers without unit, which differ little from pose to pose: position gains
 κ = K/ω_1, and pressure gains η = c k/(A_1 ω_1), the loss factor that pressure feedback gives an
-oil spring k. Three controllers are compared: position loops alone with one gain; with one η too;
-and with gains of their own for each loop. The last are searched thoroughly at a few poses and
-tried at all, since a search of six gains at thousands of poses would take hours.
+oil spring k. Position loops alone have one gain κ; with pressure feedback they have one η too.
+Gains of their own for each loop are searched from these, see ``own_gains``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,10 +32,6 @@ LOSS_FACTORS = (
 LARGEST, SMALLEST = 1.5, 1e-4  # κ, and of that
 BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ
 CLOSE, WIDER = 1.03, 1.03  # factors within which gains are found, and by which others are better
-FACTORS = (1.3, 1.15, 1.05, 0.97, 0.9, 0.8, 0.7, 0.55)  # on searched gains
-RAISED = 1.4  # loss factors at the start of a search, over the common one
-SEARCHED = 300  # evaluations of a search for gains of their own
-ALMOST = 0.2  # share of the margin that may be missing where stability counts
 # Shares of gains, of which a finer grid allows one.
 RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2)
 MOST_CRITICAL, BISECTIONS = 8.0, 6
@@ -60,15 +54,6 @@ class Aim:
     corner: float | None = None
 
 
-class Gains(NamedTuple):
-    """Gains of a controller, without unit, that are tried at many poses."""
-
-    kappa: Array | float  # of the position loops (nq,), or of all
-    eta: Array | float  # of the pressure feedbacks (nc,), or of all
-    width: float = 1.0  # its narrowest bandwidth where it was made, or what goes with it
-    searched: bool = False  # whether all its gains were searched together
-
-
 @dataclass(frozen=True, eq=False)
 class Task:
     """Plants whose controllers are searched, their loops, and the aim."""
@@ -88,65 +73,63 @@ class Task:
             position=kappa * omega, pressure=pressure, corner=corner, filter=self.aim.filter
         )
 
+    @property
+    def shapes(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Of the gains κ (n, nq) and η (n, nc)."""
+        n, nc, nq = self.plant.moment_arms.shape
+        return (n, nq), (n, nc)
+
     def without_units(self, controller: Controller) -> tuple[Array, Array]:
         """Gains κ (n, nq) and η (n, nc) of controllers."""
-        unit = self.controller(*_unit_gains(self, 1.0))
+        unit = self.controller(*map(np.ones, self.shapes))
         return controller.position / unit.position, controller.pressure / unit.pressure
 
-    def tried(self, candidate: Gains, factor: Array) -> Controller:
-        """The controllers of a candidate with factors (n,) on its position gains."""
-        kappa, eta = _unit_gains(self)
-        return self.controller(kappa * candidate.kappa * factor[:, None], eta + candidate.eta)
+    def common(self, kappa: Array, eta: float) -> Controller:
+        """The controllers of one κ for all loops at each pose (n,), and one η for all."""
+        ones, more = (np.ones(shape) for shape in self.shapes)
+        return self.controller(ones * kappa[:, None], more * eta)
 
-    def largest(self, candidate: Gains, least: Array) -> Array:
-        """Largest factor on the gains κ of a candidate that keeps the margin (n,).
+    def largest(self, eta: float, least: Array) -> Array:
+        """Largest κ of all loops that keeps the margin (n,).
 
         0 where it is not larger than the ``least`` that is of interest (n,).
         """
-        if candidate.searched:
-            return self._first(candidate, least)
         n, highest = len(least), np.full(len(least), LARGEST)
-        if not np.any(candidate.eta):  # beyond Merritt's bound another band may seem to be stable
+        if eta == 0:  # beyond Merritt's bound another band may seem to be stable
             highest = np.minimum(highest, BOUND * self.plant.damping[:, 0])
         low, high = np.clip(least, SMALLEST * highest, highest), highest
-        rows = self._holding(low, candidate, np.arange(n))
+        rows = self._holding(low, eta, np.arange(n))
         low[np.setdiff1d(np.arange(n), rows)] = 0.0
         while len(rows) and (high[rows] > CLOSE * low[rows]).any():
             middle = np.sqrt(low * high)
-            raised = np.isin(np.arange(n), self._holding(middle, candidate, rows))
+            raised = np.isin(np.arange(n), self._holding(middle, eta, rows))
             low, high = np.where(raised, middle, low), np.where(raised, high, middle)
         return low
 
-    def _first(self, candidate: Gains, least: Array) -> Array:
-        """The first of ``FACTORS`` that keeps the margin (n,), as ``largest``.
-
-        Less of gains that were searched together may keep less of a margin.
-        """
-        factor = np.zeros(len(least))
-        for tried in FACTORS:
-            rows = np.flatnonzero((factor == 0) & (least <= tried))
-            factor[self._holding(np.full(len(least), tried), candidate, rows)] = tried
-        return factor
-
-    def _holding(self, factor: Array, candidate: Gains, rows: Array) -> Array:
-        return rows[self.loops.holds(self.tried(candidate, factor), self.aim.margin, rows)]
+    def _holding(self, kappa: Array, eta: float, rows: Array) -> Array:
+        return rows[self.loops.holds(self.common(kappa, eta), self.aim.margin, rows)]
 
 
 def proportional(task: Task) -> Tuned:
     """Position loops alone, one gain for all joints (n); 0 where none keeps the margin."""
-    return best_of(task, [Gains(1.0, 0.0)])
+    return best_of(task, (0.0,))
 
 
 def damped(task: Task) -> Tuned:
     """One position gain and one loss factor η for all loops (n)."""
-    return best_of(task, [Gains(1.0, eta) for eta in LOSS_FACTORS])
+    return best_of(task, LOSS_FACTORS)
 
 
-class Tuned(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Tuned:
     """Controllers of n poses, and figures of their loops."""
 
     controller: Controller
     figures: LoopFigures
+
+    def __getitem__(self, rows: Array) -> Tuned:
+        """These at some of the poses (mask or indices)."""
+        return Tuned(self.controller[rows], LoopFigures(*(each[rows] for each in self.figures)))
 
     def or_wider(self, other: Tuned) -> Tuned:
         """At each pose these or the others, whose narrowest loop is wider."""
@@ -160,56 +143,42 @@ class Tuned(NamedTuple):
         controller = replace(self.controller, position=position, pressure=pressure)
         return Tuned(controller, self.figures.where(better, other.figures))
 
+    def replaced(self, rows: Array, other: Tuned) -> Tuned:
+        """These controllers (n,), but at some of the poses (m,) the others (m,)."""
 
-def best_of(task: Task, candidates: Sequence[Gains]) -> Tuned:
-    """Controllers (n) of the candidates with the widest bandwidth where the margin allows it.
+        def both(mine: Array, theirs: Array) -> Array:
+            values = mine.copy()
+            values[rows] = theirs
+            return values
 
-    The position gains of each candidate are made as large as the margin allows.
-    """
-    kappa, eta = _unit_gains(task)
-    kappa, widest = 0.0 * kappa, np.zeros(len(kappa))
-    for candidate in candidates:
-        factor = task.largest(candidate, WIDER * widest / candidate.width)
-        better = np.flatnonzero(factor)
-        tried = task.tried(candidate, factor)
+        mine, theirs = self.controller, other.controller
+        controller = replace(
+            mine,
+            position=both(mine.position, theirs.position),
+            pressure=both(mine.pressure, theirs.pressure),
+            corner=both(mine.corner, theirs.corner),
+        )
+        figures = LoopFigures(*map(both, self.figures, other.figures))
+        return Tuned(controller, figures)
+
+
+def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
+    """Controllers (n) with the largest κ of all loops that some η of all loops allows."""
+    best, chosen = np.zeros((2, len(task.plant)))
+    for eta in loss_factors:
+        kappa = task.largest(eta, WIDER * best)
+        better = np.flatnonzero(kappa)
         # Beyond a band of instability a grid may seem to keep the margin again.
-        better = better[stable(task.plant[better], tried[better])]
-        kappa[better] = (factor[:, None] * candidate.kappa)[better]
-        eta[better] = candidate.eta
-        widest[better] = factor[better] * candidate.width
-    controller = settled(task, task.controller(kappa, eta))
-    return Tuned(controller, task.loops.figures(controller))
+        better = better[stable(task.plant[better], task.common(kappa, eta)[better])]
+        best[better], chosen[better] = kappa[better], eta
+    ones, more = (np.ones(shape) for shape in task.shapes)
+    return safe(task, task.controller(ones * best[:, None], more * chosen[:, None]))
 
 
-def searched(task: Task) -> list[Gains]:
-    """Gains of their own for each loop, searched at every pose of a few: Nelder and Mead (1965).
-
-    The objective is the narrowest bandwidth of all loops, and a little of the others.
-    """
-    from scipy.optimize import minimize
-
-    kappa, eta = task.without_units(damped(task).controller)
-    answers, (_, nq) = [], kappa.shape
-    for pose in np.flatnonzero(kappa.all(axis=1)):
-        plant = task.plant[np.array([pose])]
-        alone = replace(task, plant=plant, loops=Loops.of(plant, FINE))
-        start = np.log(np.concatenate([kappa[pose], RAISED * eta[pose]]))
-        simplex = start + np.vstack([np.zeros(len(start)), 0.4 * np.eye(len(start))])
-        options = {"maxfev": SEARCHED, "initial_simplex": simplex, "adaptive": True}
-        result = minimize(_cost, start, (alone, nq), method="Nelder-Mead", options=options)
-        x = np.exp(result.x)
-        width = alone.loops.figures(alone.controller(x[None, :nq], x[None, nq:])).narrowest
-        answers.append(Gains(x[:nq], x[nq:], float(width[0] / plant.omega[0]), True))
-    return answers
-
-
-def _cost(x: Array, task: Task, nq: int) -> float:
-    controller = task.controller(np.exp(x[None, :nq]), np.exp(x[None, nq:]))
-    figures = task.loops.figures(controller)
-    bandwidth = np.log(figures.bandwidth[0])
-    missing = max(float(np.log(task.aim.margin / figures.margin[0])), 0.0)
-    unstable = missing < ALMOST and not stable(task.plant, controller)[0]
-    return float(-bandwidth.min() - 0.1 * bandwidth.mean() + 20 * missing + 10 * unstable)
+def safe(task: Task, controller: Controller) -> Tuned:
+    """The controllers with gains reduced where need be, and figures of their loops."""
+    kept = settled(task, controller)
+    return Tuned(kept, task.loops.figures(kept))
 
 
 def settled(task: Task, controller: Controller) -> Controller:
@@ -256,9 +225,3 @@ def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
 
 def _decays(plant: LoopPlant, poles: Array) -> Flags:
     return np.asarray(poles.real.max(axis=1) < CREEP * plant.omega + CREEPING * plant.creep)
-
-
-def _unit_gains(task: Task, feedback: float = 0.0) -> tuple[Array, Array]:
-    """Gains 1 of all position loops (n, nq), and of all pressure feedbacks (n, nc)."""
-    n, nc, nq = task.plant.moment_arms.shape
-    return np.ones((n, nq)), np.full((n, nc), feedback)

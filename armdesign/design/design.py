@@ -222,9 +222,9 @@ class Design:
 
         Where pins vary it takes seconds to find.
 
-        With a catalogue and given pins: what no combination of its sizes exceeds. Where pins vary,
-        or own masses with the sizes: what no sizes at all exceed, so none of the catalogue either.
-        Refused where this design exceeds it. None is known of bandwidths.
+        With a catalogue: what none of its sizes exceeds. Where own masses vary with them and no
+        pin does: what no sizes at all exceed, so none of the catalogue either. Refused where this
+        design exceeds it. None is known of bandwidths.
         """
         if self.made_for == "bandwidth":
             return None

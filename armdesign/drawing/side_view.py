@@ -151,9 +151,9 @@ class SideView(ReadOnly):
             for body, matrix in zip(self.bodies, self.placements[pose], strict=True)
         ]
 
-    def arc_lines(self, pose: int = 0) -> list[Array]:
-        """Arcs of the joints' ranges (m, 2) [m] at a pose."""
-        return [placed(self.placements[pose, arc.body], arc.points) for arc in self.arcs]
+    def arc_lines(self) -> list[Array]:
+        """Arcs of the joints' ranges (m, 2) [m] at the first pose."""
+        return [placed(self.placements[0, arc.body], arc.points) for arc in self.arcs]
 
     def barrel_and_rod(self, pose: int = 0) -> list[tuple[Array, Array]]:
         """Rectangles (4, 2) [m] of each cylinder's barrel and rod at a pose."""

@@ -156,9 +156,7 @@ def _joint(model: ET.Element, name: str, kind: str, parent: str, child: str) -> 
     return joint
 
 
-def _add_axis(
-    joint: ET.Element, axis: ArrayLike, limits: tuple[float, float] | None = None
-) -> None:
+def _add_axis(joint: ET.Element, axis: ArrayLike, limits: tuple[float, float] | None) -> None:
     """Axis of a joint in its own frame, which stands at the child's, with its limits."""
     element = ET.SubElement(joint, "axis")
     ET.SubElement(element, "xyz").text = attribute(np.asarray(axis, dtype=float))

@@ -386,16 +386,6 @@ def refuse_toppling_within(machine: Machine, workspace: Workspace) -> None:
         refuse_toppling_anywhere(list(load_cases(at_end, workspace, *shares)))
 
 
-def worst_within(
-    machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None = None
-) -> Scenario:
-    """The worst scenario within the bands, the lower end of ``frequency_band``."""
-    corners = bands.corners(machine, (True,))
-    return min(
-        (scenario(machine, workspace, bands, corner, today) for corner in corners), key=_frequency
-    )
-
-
 def scenario(
     machine: Machine,
     workspace: Workspace,

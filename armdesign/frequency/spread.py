@@ -22,6 +22,7 @@ from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
 
 SMALLEST_SLOPE = 0.1  # of the pitch by the joint, below which the joint cannot set it
+ON_EDGE = 1000  # most poses on an edge of the joint box
 
 
 def tipping_joints(machine: Machine, payload: LoadCase) -> list[int]:
@@ -101,19 +102,17 @@ def edge_poses(
             yield turned_onto_pitch_limits(machine, payload, others, joint, ranges), payload
 
 
-def box_poses(
-    ranges: Array, fixed: Collection[int], inside: int, faces: int, on_edge: int = 1000
-) -> Array:
+def box_poses(ranges: Array, fixed: Collection[int], inside: int, faces: int) -> Array:
     """Even poses: ``inside`` in the joint box, ``faces`` on its faces, as many on its edges.
 
-    ``fixed`` joints stand at their lower end. An edge has up to ``on_edge`` poses, a face up to
+    ``fixed`` joints stand at their lower end. An edge has up to ``ON_EDGE`` poses, a face up to
     that number squared.
     """
     parts, moving = [np.empty((0, len(ranges)))], len(ranges) - len(fixed)
     for ends in product(*((0,) if j in fixed else (0, 1, None) for j in range(len(ranges)))):
         inner = ends.count(None)
         alike = _faces_alike(moving, inner)
-        poses = inside if inner == moving else min(faces / alike, on_edge**inner)
+        poses = inside if inner == moving else min(faces / alike, ON_EDGE**inner)
         if poses > 0:
             values = max(int(poses ** (1 / max(inner, 1))), 2)
             parts.append(mesh(_values(r, e, values) for r, e in zip(ranges, ends, strict=True)))

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.bandwidth_map import ControlOptions, bandwidth_map
+from armdesign.control.bandwidth_map import bandwidth_map
+from armdesign.control.map_parts import ControlOptions
 from armdesign.control.pose_bandwidth import pose_bandwidth
 from armdesign.frequency.maps import FrequencyMap
 from armdesign.machine.machine import Machine

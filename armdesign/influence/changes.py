@@ -10,6 +10,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.machine_file import flat
 from armdesign.machine.file.numbers import chosen_numbers, numbers_of
+from armdesign.machine.file.toml_writing import edit
 from armdesign.machine.machine import Machine
 
 
@@ -37,11 +38,15 @@ def read_changes(words: Sequence[str], part: str = "what-if") -> dict[str, Any]:
 
 
 def changed_machine(
-    machine: Machine, changes: Mapping[str, Any], part: str = "what-if"
+    machine: Machine, changes: Mapping[str, Any], part: str = "what-if", *, check: bool = True
 ) -> Machine:
     """The machine with other values at key paths; of a list, each number has one, as ``at_mm.0``.
 
-    ``part`` is what states them, for messages.
+    Args:
+        machine: the machine.
+        changes: values by key path.
+        part: what states them, for messages.
+        check: whether the machine must fit together; one that does not can be drawn.
 
     Raises:
         ArmDesignError: a path or value that the file cannot have.
@@ -60,9 +65,11 @@ def changed_machine(
             if path not in known:
                 _refuse_unknown(machine, path, f"{part} {path}")
             whole[path] = value
-    return machine.replace(
-        {path: _as_before(known.get(path), value) for path, value in whole.items()}
-    )
+    values = {path: _as_before(known.get(path), value) for path, value in whole.items()}
+    if check:
+        return machine.replace(values)
+    source = machine.source
+    return Machine.unchecked(edit(machine.text, values, source.name), machine.urdf_text, source)
 
 
 def _refuse_unknown(machine: Machine, path: str, part: str) -> None:

@@ -45,6 +45,7 @@ class Poses(ReadOnly):
     its stiffness.
 
     Attributes:
+        machine: the machine, with the load case that counts.
         q: joint positions (n, nq) [rad, m].
         mass_matrix: joint-space inertia M, payload included (n, k, k) [kg m², kg].
         gravity_torque: g (n, k) [N m, N].
@@ -61,6 +62,7 @@ class Poses(ReadOnly):
 
     __repr__ = short_repr
 
+    machine: Machine
     q: Array
     mass_matrix: Array
     gravity_torque: Array
@@ -79,7 +81,9 @@ class Poses(ReadOnly):
 
     def __getitem__(self, rows: slice | Array) -> Poses:
         """The poses that ``rows`` selects (slice, mask or indices)."""
-        return Poses(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
+        names = [name for name in self.__dataclass_fields__ if name != "machine"]
+        chosen = {name: getattr(self, name)[rows] for name in names}
+        return Poses(machine=self.machine, **chosen)
 
     @cached_property
     def hydraulic_stiffness(self) -> Array:
@@ -121,6 +125,7 @@ def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
         for i, actuator in enumerate(machine.actuators)
     ]
     return Poses(
+        machine=machine,
         q=rigid.q,
         mass_matrix=mass,
         gravity_torque=gravity,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 EDGE = 0.012  # of the axes' width, between its side and a column
 BESIDES = 1.7  # [in] of a figure's height that its axes leave to title, ticks and legend
+ASIDE = 0.8  # [pt] of each line of a label: the white of neither covers the other
 APART = 0.33  # [in] from label to label
 LOW, HIGH = 0.05, 0.91  # of the axes' height, between which labels are
 
@@ -72,10 +73,12 @@ def _rows(ax: Axes, column: Sequence[Label]) -> Array:
 def _write(ax: Axes, label: Label, side: str, height: float) -> None:
     x = EDGE if side == "left" else 1 - EDGE
     text: Style = {"xycoords": ax.transAxes, "ha": side, "zorder": 10, "annotation_clip": False}
+    text["textcoords"] = "offset points"
     text["bbox"] = {"fc": "white", "ec": "none", "pad": 0.4, "alpha": 0.8}  # lines end there
-    head = ax.annotate(label.head, (x, height), va="bottom", color=label.colour, **text)
-    head.set(fontsize=8, fontweight="bold", zorder=11)  # over the white of the line below
-    below = ax.annotate(label.below, (x, height), va="top", color=INK, fontsize=7, **text)
+    place = x, height
+    bold: Style = {"fontsize": 8, "fontweight": "bold", "color": label.colour, "va": "bottom"}
+    head = ax.annotate(label.head, place, (0, ASIDE), **text, **bold)
+    below = ax.annotate(label.below, place, (0, -ASIDE), va="top", color=INK, fontsize=7, **text)
     wide = [one.get_window_extent().width for one in (head, below)]
     longer, edge = (head, 0.0) if wide[0] >= wide[1] else (below, 1.0)
     inner = (1.0 if side == "left" else 0.0, edge)

@@ -31,7 +31,6 @@ def machine_overlay(
     old: Machine,
     new: Machine,
     q: ArrayLike | None = None,
-    ax: Axes | None = None,
     labels: tuple[str, str] = ("today", "new"),
 ) -> Axes:
     """Two machines over each other in one pose, moved pins as arrows with their way in mm.
@@ -42,7 +41,6 @@ def machine_overlay(
         old: today's machine.
         new: the other one.
         q: one pose (nq,) [rad, m]; the middle of the old one's joint ranges if None.
-        ax: axes to draw into; new ones if None.
         labels: what the two are called.
 
     Returns:
@@ -51,7 +49,7 @@ def machine_overlay(
     pose = middle_pose(old) if q is None else q
     before, after = side_view(old, pose), side_view(new, pose)
     limits = extent([before, after])
-    ax = new_axes(limits)[0] if ax is None else ax
+    ax = new_axes(limits)[0]
     draw_machine(ax, new, after)
     _ghost(ax, before, _alike(before, after))
     frame(ax, limits, after)

@@ -13,6 +13,7 @@ from armdesign.drawing.side_view import side_view
 from armdesign.frequency.joint_grid import nearest
 from armdesign.plots.canvas import (
     COLOURS,
+    COMPUTED,
     INK,
     MARK,
     Style,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
 
 FREQUENCY = "lowest coupled natural frequency [Hz]"
+LOADS = (INK, "#8a95a1", COMPUTED)  # of load cases: colours of no actuator
 TALLEST = 8.5  # [in] of a figure
 PRESSURE = "largest static pressure / supply pressure"
 
@@ -59,6 +61,7 @@ def frequency_map(
     drawn = drawn_joints(machine)
     if plane == "reach":
         silhouette(reach_map(frequencies.reach_map(), ax, **limits), machine, worst)
+        ax.set_title(f"{ax.get_title()}{_steps(machine)}")
     elif len(drawn) == 1:
         _frequency_curves(ax, frequencies)
         ax.set_title("natural frequencies over the joint")
@@ -100,7 +103,7 @@ def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any
     fig, axes = figure(len(maps), *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
     for ax, (label, frequencies) in zip(axes, maps.items(), strict=True):
         frequencies.plot(ax, plane=plane)
-        steps = _steps(frequencies.machine) if plane == "joints" else ""
+        steps = _steps(frequencies.machine) if len(drawn_joints(frequencies.machine)) > 1 else ""
         ax.set_title(f"{label}: worst {frequencies.worst.frequency:.3f} Hz{steps}")
     meshes = [mesh for ax in axes for mesh in ax.collections if mesh.get_array() is not None]
     ends = [mesh.get_clim() for mesh in meshes]
@@ -221,16 +224,17 @@ def _frequency_curves(ax: Axes, frequencies: FrequencyMap) -> None:
     """Coupled and rigid-load frequency per load case of a machine with one joint."""
     (index,) = drawn_joints(frequencies.machine)
     joint, worst, top = frequencies.machine.arm.joints[index], frequencies.worst, 0.0
-    colours = actuator_colours(frequencies.machine)
+    colours, cases = actuator_colours(frequencies.machine), list(frequencies.worst_of)
     for payload, rows in frequencies.frame.groupby("payload", sort=False):
-        rows = rows.sort_values(joint.name)
+        rows, case = rows.sort_values(joint.name), cases.index(str(payload))
         q = joint_values(joint, rows[joint.name].to_numpy())
-        ax.plot(q, rows["f1_hz"], label=f"{payload}: coupled")
+        ax.plot(q, rows["f1_hz"], color=LOADS[case % len(LOADS)], label=f"{payload}: coupled")
         top = max(top, 2.5 * rows["f1_hz"].max())
         for actuator in frequencies.machine.actuators:
             label = f"{payload}: {actuator.name}, rigid load"
             style: Style = {"color": colours[actuator.name], "lw": 1, "label": label}
-            ax.plot(q, rows[f"rigid_{actuator.name}_hz"], "--", **style)
+            style["ls"] = ("--", ":", "-.")[case % 3]
+            ax.plot(q, rows[f"rigid_{actuator.name}_hz"], **style)
     ax.set(xlabel=joint_label(joint), ylabel="natural frequency [Hz]", ylim=(0, top))
     ax.legend(frameon=False)
     mark(ax, float(joint_values(joint, worst.q[index])), worst.frequency, worst.frequency)
@@ -241,10 +245,10 @@ def _pressure_curves(ax: Axes, frequencies: FrequencyMap, share: Array) -> None:
     (index,) = drawn_joints(frequencies.machine)
     joint, frame = frequencies.machine.arm.joints[index], frequencies.frame
     q, payload = frame[joint.name].to_numpy(), frame["payload"].to_numpy()
-    for name in frequencies.worst_of:
+    for case, name in enumerate(frequencies.worst_of):
         rows = np.flatnonzero(payload == name)
         rows = rows[np.argsort(q[rows])]
-        ax.plot(joint_values(joint, q[rows]), share[rows], label=name)
+        ax.plot(joint_values(joint, q[rows]), share[rows], LOADS[case % len(LOADS)], label=name)
     ax.axhline(1.0, color=MARK, lw=1, ls="--")
     ax.set(xlabel=joint_label(joint), ylabel=PRESSURE, ylim=(0, None))
     ax.legend(frameon=False)

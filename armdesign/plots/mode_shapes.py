@@ -25,7 +25,7 @@ SHOWN = 3  # lowest modes
 
 
 @literal
-def mode_shapes(machine: Machine, q: ArrayLike | None = None, modes: int = SHOWN) -> Any:
+def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Any:
     """Figure of the lowest modes of a pose: the machine at rest and at both ends of its swing.
 
     The load case at work counts. A mode has no amplitude of its own: what is drawn at the tool is
@@ -34,7 +34,6 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None, modes: int = SHOWN
     Args:
         machine: the machine with its load case.
         q: one pose (nq,) [rad, m]; the middle of the joint ranges if None.
-        modes: how many of them.
 
     Raises:
         PoseError: a pose that the machine cannot take.
@@ -43,7 +42,7 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None, modes: int = SHOWN
     poses = machine.at(pose)
     natural = natural_modes(poses)
     shares = energy_shares(poses, natural)[0]
-    count = min(modes, natural.frequencies.shape[1])
+    count = min(SHOWN, natural.frequencies.shape[1])
     view = side_view(machine, pose)
     amplitude = round_amplitude(view.size)
     low, high = extent([view])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.drawing.colours import ACTUATORS
+from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal, plain_decades
 
 if TYPE_CHECKING:
@@ -46,9 +46,9 @@ def modes_by_pose(modes: Modes, ax: Axes | None = None) -> Any:
 def forces_by_pose(poses: Poses, ax: Axes | None = None) -> Any:
     """Axes with the static force of every actuator at every pose, torques of motors."""
     ax = figure(1, 7.0, 4.2)[1][0] if ax is None else ax
-    for k, forces in enumerate(poses.cylinder_forces.T):
-        colour = ACTUATORS[k % len(ACTUATORS)]
-        _by_pose(ax, forces / 1000, color=colour, label=f"actuator {k + 1}")
+    colours = actuator_colours(poses.machine)
+    for actuator, forces in zip(poses.machine.actuators, poses.cylinder_forces.T, strict=True):
+        _by_pose(ax, forces / 1000, color=colours[actuator.name], label=actuator.name)
     ax.axhline(0, color=INK, lw=0.8)
     ax.set(ylabel="static force [kN], of a motor torque [kN m]; + pushes")
     _finish(ax, len(poses))

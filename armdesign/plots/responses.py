@@ -33,10 +33,10 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Any:
         linear = {"color": COMPUTED, "label": "linear natural frequency"}
         ax.axvline(run.linear_frequency, ls="--", lw=1.2, **linear)
         ax.set(xlabel="frequency [Hz]")
-        title = f"{label}: {run.cylinder} cylinder, {run.identified_frequency:.3f} Hz"
+        title = f"{label}: {run.cylinder} cylinder, fitted {run.identified_frequency:.3f} Hz"
         ax.set_title(title, fontsize=10)
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel("cylinder speed / command")
+    axes[0].set_ylabel("speed / commanded speed [–]")
     fig.legend(handles=axes[0].get_legend_handles_labels()[0], loc="outside lower center", ncols=3)
     return fig
 

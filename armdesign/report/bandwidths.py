@@ -19,6 +19,7 @@ NAMES = {
     "damped": "+ pressure feedback, common gains",
     "own": "+ pressure feedback, own gains",
 }
+SEARCHED = "; own gains are searched: a lower bound"
 
 
 def bandwidth_sheets(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) -> list[Sheet]:
@@ -91,12 +92,12 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
 
 
 def _valve_note(bandwidths: BandwidthMap) -> str:
-    """That valves are slower than what they are to damp; empty if none is."""
+    """That own gains are lower bounds, and valves that are slower than what they are to damp."""
     slow = bandwidths.slow_valves
     if not slow:
-        return ""
+        return SEARCHED
     words = ", ".join(f"{name} ({100 * share:.2g} % of the poses)" for name, share in slow.items())
-    return f"; valves slower than the lowest mode, which they cannot damp well: {words}"
+    return f"{SEARCHED}; valves slower than the lowest mode, which they cannot damp well: {words}"
 
 
 def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:

@@ -85,7 +85,7 @@ def design_report(
                 sheets=(binding_sheet(design, units),),
             ),
             ReportSection(title="Bound and gap", sheets=(bound_sheet(design),)),
-            _bandwidth(design, units),
+            bandwidth_section(design, units),
             _validation(proofs, of["frequency"]),
             ReportSection(title="Assumptions", words=_assumptions(design)),
             ReportSection(title="Provenance", sheets=(_provenance(design, origin),)),
@@ -122,12 +122,12 @@ def _changes(design: Design, pictures: Sequence[Picture], units: Units) -> Repor
     )
 
 
-def _bandwidth(design: Design, units: Units) -> ReportSection:
+def bandwidth_section(design: Design, units: Units) -> ReportSection:
     """Bandwidths at poses of the workspace, the same for both machines: all take minutes."""
     from armdesign.control.bandwidth_map import bandwidth_map
 
     title, maps, both = "Bandwidth of position loops", {}, (design.before, design.after)
-    poses = design.workspace.subset(_rows_of_bandwidths(both))
+    poses = design.workspace.subset(bandwidth_rows(both))
     for label, one in zip(("today", "new"), both, strict=True):
         try:
             maps[label] = bandwidth_map(one.machine, poses)
@@ -142,7 +142,7 @@ def _bandwidth(design: Design, units: Units) -> ReportSection:
     return ReportSection(title=title, words=words, sheets=(reached, promised))
 
 
-def _rows_of_bandwidths(maps: Sequence[FrequencyMap]) -> Array:
+def bandwidth_rows(maps: Sequence[FrequencyMap]) -> Array:
     """Rows of a workspace: the lowest of each map, and ``BANDWIDTHS`` spread over joint space."""
     workspace = maps[0].workspace
     joints = list(maps[0].machine.joints)

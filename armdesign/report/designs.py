@@ -134,7 +134,7 @@ def _bound(design: Design) -> str:
         gap = "proved optimal" if (design.gap or 0.0) < 1e-9 else gap
         below = _least(design.best_sizes.below)
     elif design.catalogue:
-        designs = "all pins and sizes, of the catalogue or not"
+        designs = "all pins and sizes of the catalogue"
     elif design.problem.vector.moving:
         designs = "all sizes and pins"
     else:

@@ -131,9 +131,9 @@ def _map(model: _Models, scene: MapScene, index: int) -> Model:
 def _chart(model: _Models, chart: Chart) -> Model:
     """Points and curves with their words and a legend."""
     renderers = [_curve(model, curve) for curve in chart.curves]
-    asked = [r for r, curve in zip(renderers, chart.curves, strict=True) if curve.words]
+    hovered = [r for r, curve in zip(renderers, chart.curves, strict=True) if curve.words]
     words = [(head, f"@words_{k}") for k, head in enumerate(chart.heads)]
-    hover = model("HoverTool", renderers=[_same(one) for one in asked], tooltips=words)
+    hover = model("HoverTool", renderers=[_same(one) for one in hovered], tooltips=words)
     entries: dict[str, list[Model]] = {}
     for curve, renderer in zip(chart.curves, renderers, strict=True):
         entries.setdefault(curve.name, []).append(_same(renderer))

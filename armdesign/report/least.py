@@ -24,7 +24,7 @@ def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
     today, new = (f"{frequency:.3f}" for frequency in frequencies)
     return (
         f"{NAMES[of]}: {one} → {other} {units.name(unit)} ({change}); worst natural frequency"
-        f" {today} → {new} Hz.\n"
+        f" {today} → {new} Hz."
     )
 
 

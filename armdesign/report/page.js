@@ -127,8 +127,20 @@
     parent.append(element);
     return element;
   };
-  const text = (parent, at, size, words) => {
-    add(parent, "text", { x: at[0], y: -at[1], "font-size": size, "stroke-width": size / 5 }).textContent = words;
+  // words beside their points, one below the other where they would meet, with a line to the point
+  const label = (parent, marks, size, right) => {
+    const written = [];
+    for (const { at, words } of marks.sort((a, b) => b.at[1] - a.at[1])) {
+      const long = 0.62 * size * words.length;
+      const x = Math.min(at[0] + 1.2 * size, right - long);
+      let y = at[1] + 0.6 * size;
+      for (const one of written) {
+        if (x < one.x + one.long && one.x < x + long && y > one.y - 1.3 * size) y = one.y - 1.3 * size;
+      }
+      written.push({ x, y, long });
+      add(parent, "line", { x1: at[0], y1: -at[1], x2: x, y2: -y - 0.3 * size, class: "leader", "stroke-width": size / 16 });
+      add(parent, "text", { x, y: -y, "font-size": size, "stroke-width": size / 3 }).textContent = words;
+    }
   };
   const path = (rings) => rings
     .map((ring) => `M${ring.map(([x, y]) => `${x.toFixed(4)},${(-y).toFixed(4)}`).join("L")}Z`)
@@ -168,7 +180,8 @@
       const barrel = path([bar(from, to, ...cylinder.barrel, cylinder.barrel_width)]);
       const dashes = style.dashes ? { "stroke-dasharray": style.dashes } : {};
       add(parent, "path", { d: rod, class: style.name || "rod", "stroke-width": width, ...dashes }, words);
-      add(parent, "path", { d: barrel, class: style.name || "barrel", "stroke-width": width, ...dashes }, words);
+      const paint = style.name ? {} : { style: `fill: ${cylinder.colour}` };
+      add(parent, "path", { d: barrel, class: style.name || "barrel", "stroke-width": width, ...dashes, ...paint }, words);
     }
     if (style.name) return;
     for (const link of one.bars) {
@@ -183,16 +196,18 @@
   // today's pins and cylinders beside the new ones, in the same pose: pins have their plates
   const arrows = (parent, one, here, width) => {
     const before = machines[0];
-    if (machines.length < 2 || one === before || before.points.length !== one.points.length) return;
+    if (machines.length < 2 || one === before || before.points.length !== one.points.length) return [];
     const old = before.points.map((point, k) => (point.at ? place(here.matrices[point.body], point.at) : here.points[k]));
     outline(parent, { ...before, bodies: [] }, { matrices: [], points: old }, { name: "old", width: 1.6 * width, dashes: 5 * width });
+    const moves = [];
     one.points.forEach((point, k) => {
       const [from, to] = [old[k], here.points[k]], moved = Math.hypot(to[0] - from[0], to[1] - from[1]);
       if (!point.at || moved < 5e-4) return;
       add(parent, "line", { x1: from[0], y1: -from[1], x2: to[0], y2: -to[1], class: "arrow", "stroke-width": 2 * width });
       add(parent, "path", { d: path([arrowhead(from, to, 8 * width)]), class: "arrow", "stroke-width": 0 });
-      text(parent, [to[0] + 8 * width, to[1] + 8 * width], 13 * width, `${point.name} ${(1e3 * moved).toFixed(0)} mm`);
+      moves.push({ at: to, words: `${point.name} ${(1e3 * moved).toFixed(0)} mm` });
     });
+    return moves;
   };
   const arrowhead = (from, to, size) => {
     const angle = Math.atan2(to[1] - from[1], to[0] - from[0]);
@@ -219,8 +234,9 @@
     add(svg, "line", { x1: from[0], y1: -from[1], x2: to[0], y2: -to[1], class: "ground", "stroke-width": width });
     const rest = placed(one, state.pose, 0);
     outline(svg, one, rest, { width });
-    arrows(svg, one, rest, width);
+    const moves = arrows(svg, one, rest, width);
     outline(svg, one, placed(one, state.pose, state.phase), { name: "swung", width: 1.3 * width, dashes: 3 * width });
+    label(svg, moves, 13 * width, right + room);
     const loops = one.loops ? `bandwidth ${one.loops[state.pose][0].toFixed(3)} Hz, narrowest loop ${narrowest(one, state.pose)}; natural frequency ` : "";
     $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${load(one, state.pose)}: ${loops}`
       + `${frequency(one, state.pose, state.mode).toFixed(3)} Hz, limited by ${limiting(one, state.pose, state.mode)}; dashed red: ${modeWords(state.mode)}, `

@@ -16,8 +16,10 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, percentiles
+from armdesign.drawing.colours import SPRING, actuator_colours
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import swung
 from armdesign.frequency.cases import groups_by_case
@@ -41,6 +43,7 @@ FREQUENCY = "lowest coupled natural frequency [Hz]"
 BANDWIDTH = "bandwidth of the narrowest loop [Hz]"
 SCHEMES = ("own", "damped", "proportional")  # of control, the first one on the map
 SWING = 0.05  # of the machine's size: amplitude at the tool of a drawn mode
+MILLIHERTZ = 1e-3  # [Hz] to which frequencies are rounded, as in every table
 IN_PLATE = 1e-3  # [m] by which a pin may leave the plate of its body
 
 
@@ -88,7 +91,7 @@ class DrawnMachine:
         swing: of the tool [m].
         bodies: outlines (m, 2) [m] of each body in its plate.
         points: names, body and place of all pins and of the tool; loose ones have no body.
-        cylinders: as in ``SideView``.
+        cylinders: as in ``SideView``, with the colour of each.
         bars: as in ``SideView``.
         ground: height [m].
         loops: of each pose, on a map of bandwidth: of the ``SCHEMES`` [Hz], and the joint whose
@@ -299,13 +302,15 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
     loose = _loose(view)
     placed, *gone = (_numbers(one, loose) for one in (view, *moved))
     factors = np.array([_factor(joint) for joint in machine.arm.joints])
+    exact = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
+    of_cells = MILLIHERTZ if mapped.loops is None else 0.0
     return DrawnMachine(
         label=label,
         parts=tuple(part.name for part in machine.yielding),
         cells=_whole(np.column_stack([cells.table[:, :3], place.ravel() + 1])),
-        frequencies=_packed(cells.frequencies),
+        frequencies=_packed(cells.frequencies, steps=of_cells),
         poses=_whole(np.column_stack([case + 1, limits])),
-        positions=_packed(np.column_stack([q * factors, lowest])),
+        positions=_packed(np.column_stack([q * factors, lowest]), steps=exact),
         standing=tuple(view.placements[0, 0].ravel().tolist()),
         placements=_packed(placed),
         swings=_packed(np.hstack([one - placed for one in gone]), 8),
@@ -315,10 +320,18 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
             for body in view.bodies
         ),
         points=_points(view, loose, machine),
-        cylinders=tuple(vars(shape) for shape in view.cylinders),
+        cylinders=_cylinders(view, machine),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
         loops=None if mapped.loops is None else _packed(mapped.loops[rows]),
+    )
+
+
+def _cylinders(view: SideView, machine: Machine) -> tuple[dict[str, Any], ...]:
+    colours = actuator_colours(machine)
+    return tuple(
+        vars(shape) | {"colour": SPRING if shape.idle else colours[shape.name]}
+        for shape in view.cylinders
     )
 
 
@@ -340,11 +353,18 @@ def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array
 # ------------------------------------------------------------------------------------ as numbers
 
 
-def _packed(values: Array, bits: int = 16) -> Packed:
-    """Numbers (n, m) as integers with a scale for each column."""
+def _packed(values: Array, bits: int = 16, steps: ArrayLike = 0.0) -> Packed:
+    """Numbers (n, m) as integers with a scale for each column.
+
+    Where ``steps`` (m,) are not 0, they are rounded to whole ones, or to multiples of these where
+    a column needs them: to the digits that other tables have.
+    """
     table = np.nan_to_num(np.asarray(values, dtype=float), posinf=0.0, neginf=0.0)
     most = np.abs(table).max(axis=0, initial=0.0)
-    scale = np.where(most > 0, most, 1.0) / (2 ** (bits - 1) - 1)
+    finest = np.where(most > 0, most, 1.0) / (2 ** (bits - 1) - 1)
+    step = np.broadcast_to(steps, finest.shape)
+    whole = step * np.maximum(np.ceil(finest / np.where(step > 0, step, 1.0)), 1.0)
+    scale = np.where(step > 0, whole, finest)
     return _coded(table / scale, scale, bits)
 
 

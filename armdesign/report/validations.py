@@ -82,7 +82,7 @@ def _note(friction: bool) -> str:
 
 
 def validation_chart(validation: Validation, colours: Mapping[str, str]) -> Chart:
-    """Deviation of every sweep over its linear frequency; ``colours`` are those of actuators."""
+    """Deviation of every sweep over its linear frequency; ``colours`` by actuator."""
     curves: dict[str, list[FittedMode]] = {name: [] for name in colours}
     for run in validation.runs:
         curves[run.cylinder].append(run)

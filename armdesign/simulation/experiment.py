@@ -27,6 +27,7 @@ from armdesign.simulation.identification.modal_fit import (
     ModalFit,
     identify_forced_response,
     record_length,
+    response_by_modes,
     spectral_peak,
 )
 from armdesign.simulation.linear_model import LinearModel
@@ -188,35 +189,37 @@ class Experiment:
         Raises:
             SimulationError: the spool opened nothing, or see ``identify_forced_response``.
         """
-        return self._fit(motion, len(motion.time))
+        return identify_forced_response(*self._record(motion), self.band, self.modes, self._part)
 
-    def on_resonance(self, motion: Simulation, frequency: float) -> Array:
+    def on_resonance(self, motion: Simulation, fit: ModalFit, frequency: float) -> Array:
         """Response at a natural frequency and the lines beside it (2, m): [Hz] and magnitude.
 
         Lines of the whole record may all lie beside a sharp peak; cut to a whole number of the
-        mode's periods it has a line there. None (2, 0) where the shorter record cannot be fitted.
+        mode's periods it has a line there. None (2, 0) where the shorter record is too short.
         """
         step = float(motion.time[1] - motion.time[0])
         periods = math.floor(len(motion.time) * step * frequency)
         count = round(periods / (frequency * step))
+        time, asked, speed = (signal[:count] for signal in self._record(motion))
         try:
-            fit = self._fit(motion, min(count, len(motion.time)))
+            lines, response = response_by_modes(fit, time, asked, speed, self.band)
         except SimulationError:
             return np.zeros((2, 0))
-        near = np.abs(fit.frequency - frequency) < 1.5 / (count * step)
-        return np.stack([fit.frequency, np.abs(fit.response)])[:, near]
+        near = np.abs(lines - frequency) < 1.5 / (count * step)
+        return np.stack([lines, np.abs(response)])[:, near]
 
-    def _fit(self, motion: Simulation, count: int) -> ModalFit:
-        """The modes in the first ``count`` instants of a motion."""
-        excitation = np.asarray(self.valve.speed * self.valve.opening(motion.spool[:, self.index]))
-        part = f"{self.machine.name}: sweep of {self.cylinder}"
-        if not np.any(excitation):
+    def _record(self, motion: Simulation) -> tuple[Array, Array, Array]:
+        """Instants [s], speeds of the piston that the spool asks for, and its own (n,) [m/s]."""
+        asked = np.asarray(self.valve.speed * self.valve.opening(motion.spool[:, self.index]))
+        if not np.any(asked):
             overlap = 100 * self.valve.valve.overlap
             fault = f"the spool stays within its overlap of {overlap:g} %"
-            raise SimulationError(part, fault, "raise the amplitude, or give a faster spool")
-        speed = motion.speeds[:, self.index]
-        record = motion.time[:count], excitation[:count], speed[:count]
-        return identify_forced_response(*record, self.band, self.modes, part)
+            raise SimulationError(self._part, fault, "raise the amplitude, or give a faster spool")
+        return motion.time, asked, motion.speeds[:, self.index]
+
+    @property
+    def _part(self) -> str:
+        return f"{self.machine.name}: sweep of {self.cylinder}"
 
     def peak(self, motion: Simulation) -> float:
         """Frequency near the mode at which the spectrum of the piston's speed peaks [Hz]."""

@@ -298,7 +298,7 @@ class PlannedSweep:
             **sweep,
             fit=fit,
             fitted_mode=mode,
-            on_resonance=self.experiment.on_resonance(motion, frequency),
+            on_resonance=self.experiment.on_resonance(motion, fit, frequency),
             peak=peak,
             mean=motion.q.mean(axis=0),
             span=np.ptp(motion.q, axis=0),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.bandwidth_map import ControlOptions
+from armdesign.control.map_parts import ControlOptions
 from armdesign.control.pose_bandwidth import PoseBandwidth, pose_bandwidth
 from armdesign.drawing.swing import swung
 from armdesign.errors import ArmDesignError

@@ -48,9 +48,9 @@ class ReachRegion:
         return list(zip(names, values.tolist(), strict=True))
 
 
-def region_of(frequencies: FrequencyMap, cells: int = CELLS) -> ReachRegion:
+def region_of(frequencies: FrequencyMap) -> ReachRegion:
     """The region of a frequency map; colours from its least to its 95th percentile."""
-    places = frequencies.reach_map(cells)
+    places = frequencies.reach_map(CELLS)
     rows, columns = np.nonzero(np.isfinite(places.frequency))
     values = places.frequency[rows, columns]
     sides = tuple(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import armdesign as ad
 from armdesign.control.loop_plant import LoopPlant, loop_plant
@@ -25,6 +26,12 @@ def rigid() -> ad.Machine:
 def worst_plant(damping: float | None = 0.02, delay: float = 0.0) -> LoopPlant:
     """Its plant at its worst pose."""
     return loop_plant(rigid(), rigid().at(WORST), damping, delay)
+
+
+def single_pose(machine: ad.Machine, q: ArrayLike) -> ad.Workspace:
+    """A workspace of one pose."""
+    first = ad.Workspace.grid(machine, points=2).subset(np.array([0]))
+    return replace(first, q=np.array([q], dtype=float))
 
 
 @cache
@@ -49,7 +56,6 @@ def one_mass(omega: float, ratio: float, valve: float = 1e4, delay: float = 0.0)
         moment_arms=one[None],
         oil_stiffness=omega**2 * one,
         areas=one[0],
-        speed_gains=one,
         frequencies=omega / (2 * np.pi) * one,
         damping=ratio * one,
         valve_omega=valve * one[0],

@@ -12,7 +12,7 @@ import armdesign as ad
 from armdesign.control.controller import Controller, Filter, closed_loop
 from armdesign.control.loop_plant import loop_plant, workable
 from armdesign.control.loops import FINE, Loops
-from armdesign.control.settling import damping_ratios, settling_time, tracking_error
+from armdesign.control.settling import settling_time, tracking_error
 from tests.control.machines import WORST, many_plants, one_mass, rigid, worst_plant
 
 
@@ -98,17 +98,14 @@ def test_state_space_is_the_frequency_response(filter: Filter, delay: float) -> 
     np.testing.assert_allclose(figures.bandwidth[0], first, rtol=0.16)
 
 
-def test_bandwidth_settling_and_damping_of_python_control() -> None:
-    """Least damping by ``control.damp``, the step of ``control.step_response`` settled to 2 %."""
+def test_settling_of_python_control() -> None:
+    """The step of ``control.step_response`` settled to 2 %."""
     plant = worst_plant()
     controller = Controller(
         position=np.full((1, 3), 1.0), pressure=np.full((1, 3), 1.9e-4), corner=np.array([2.0])
     )
     A, B, C = closed_loop(plant, controller)
     system = control.ss(A[0], B[0], C, np.zeros((3, 3)))
-    _, ratios, _ = control.damp(system, doprint=False)
-    moving = [z for z in ratios if 0 < z < 0.999]
-    assert damping_ratios(plant, controller)[1][0] == pytest.approx(min(moving), rel=1e-6)
     time = np.linspace(0, 20, 4001)
     step = control.step_response(system, time, input=0, output=0)
     outside = np.abs(np.ravel(step.outputs) - 1) > 0.02

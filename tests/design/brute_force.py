@@ -29,7 +29,7 @@ def zoomed_best(
     Returns:
         The value, and the largest step of the last grid.
     """
-    ends, best = (low, high), -math.inf
+    ends, best, centre = (low, high), -math.inf, (low + high) / 2
     for _ in range(levels):
         axes = [np.linspace(a, b, points) for a, b in zip(*ends, strict=True)]
         x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))

@@ -20,11 +20,11 @@ from armdesign.design.catalogue.sizes import sized
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
-from armdesign.frequency.bands import worst_within
 from armdesign.frequency.cases import scaled_links
 from armdesign.frequency.modes import hertz
 from armdesign.report.designs import design_sheets, pareto_sheet, summary
 from tests import machines
+from tests.checks import worst_within
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
 from tests.machines import machine_with, named
 from tests.sprung import rocking
@@ -49,7 +49,9 @@ def test_the_problem_counts_the_worst_within_the_bands(name: str, bands: ad.Band
 
 
 @pytest.mark.parametrize("bands", [BANDS, AIRY, YIELDING], ids=["masses", "air", "structure"])
-@pytest.mark.parametrize("name", ["single", "double", "odd", "excavator"])
+@pytest.mark.parametrize(
+    "name", ["single", "double", "odd", pytest.param("excavator", marks=pytest.mark.slow)]
+)
 def test_the_problem_counts_the_least_gain_within_the_bands(name: str, bands: ad.Bands) -> None:
     """Its lowest ω² is that of the least f_new/f_today over all corners, times today's worst
     frequency with the file's values.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,6 +57,18 @@ def test_any_machine_is_drawn_in_any_format(name: str, suffix: str, tmp_path: Pa
     if suffix == "svg":
         text = path.read_text()
         assert all(f"{cylinder.name}.base" in text for cylinder in machine.cylinders)
+
+
+def test_no_line_of_a_label_is_covered_by_the_other() -> None:
+    ax = plots.machine_drawing(named("excavator_20t"))
+    ax.figure.canvas.draw()
+    pairs: dict[tuple[float, float], list[Any]] = {}
+    for text in ax.texts:
+        if text.get_bbox_patch():
+            pairs.setdefault(text.xy, []).append(text)
+    for head, below in pairs.values():
+        white = head.get_bbox_patch().get_window_extent()
+        assert white.y0 >= below.get_window_extent().y1
 
 
 def test_the_same_figure_is_the_same_file(tmp_path: Path) -> None:
@@ -170,6 +183,21 @@ def test_an_unusable_machine_is_drawn_and_refused(
     assert main(["draw", "wrong.toml"], monkeypatch) == 2
     assert {path.name for path in (tmp_path / "out/draw_wrong").iterdir()} == {"machine.png"}
     assert "armdesign: wrong.toml" in capsys.readouterr().err
+
+
+def test_a_pin_that_set_mirrors_is_drawn_and_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    mirrored = ["draw", "excavator_20t", "--set", "cylinder.stick.base.at_mm.0=-3416.5"]
+    assert main([*mirrored, "--pictures", "svg"], monkeypatch) == 2
+    drawn = (tmp_path / "out/draw_excavator_20t/machine.svg").read_text()
+    assert "stick.base lies outside the outline of its link" in drawn
+    assert "cylinder.stick.stroke_mm" in capsys.readouterr().err
+    unknown = ["draw", "excavator_20t", "--set", "cylinder.boom.bor=1", "--out", "none"]
+    assert main(unknown, monkeypatch) == 2
+    assert 'did you mean "cylinder.boom.bore_mm"?' in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
 
 
 def test_check_ends_with_a_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

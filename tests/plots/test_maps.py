@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armdesign import plots
+from armdesign.drawing.colours import ACTUATORS
 from tests.frequency.cached import mapped
 
 
@@ -33,6 +34,27 @@ def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
     fig, (ax,) = plots.figure()
     assert mapped(name, 3).plot(ax, plane=plane) is ax
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize("plane", ["joints", "reach", "holding"])
+def test_steps_in_maps_are_explained(plane: str) -> None:
+    """Where a load case ends, a map jumps: said where a machine has such cases, nowhere else."""
+    words = "steps: where the pitch of bucket ends load case full"
+    for name, said in (("excavator_20t", True), ("loader_crane", False)):
+        title = plots.map_figure(mapped(name), plane).axes[0].get_title()
+        assert (words in title) == said
+
+
+@pytest.mark.parametrize("plane", ["joints", "holding"])
+def test_load_cases_of_one_joint_are_told_apart(plane: str) -> None:
+    """Each curve has its own look, and only an actuator has an actuator's colour."""
+    ax = plots.map_figure(mapped("patu_boom"), plane).axes[0]
+    curves = [line for line in ax.lines if len(line.get_xdata()) > 2]
+    looks = {(line.get_color(), line.get_linestyle()) for line in curves}
+    assert len(looks) == len(curves) >= 2
+    for line in curves:
+        of_actuator = "rigid load" in str(line.get_label())
+        assert (line.get_color() in ACTUATORS) == of_actuator
 
 
 def test_a_reach_map_draws_its_own_cells() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import plots
+from armdesign.drawing.colours import actuator_colours
 from tests import machines
 from tests.simulation.valves import with_valves
 
@@ -66,6 +67,12 @@ def test_modes_are_drawn_pose_by_pose(tmp_path: Path) -> None:
     ax = poses.plot()
     forces = np.array([line.get_ydata() for line in ax.lines[:3]])
     np.testing.assert_allclose(forces, poses.cylinder_forces.T / 1000)
+    colours = actuator_colours(machine)
+    drawn_in = [line.get_color() for line in ax.lines[:3]]
+    assert drawn_in == [colours[actuator.name] for actuator in machine.actuators]
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words == ["boom", "stick", "bucket"]
+    assert poses[1:3].machine is machine
 
 
 def test_unstable_poses_have_no_dot_and_one_pose_is_enough(tmp_path: Path) -> None:
@@ -92,3 +99,14 @@ def test_a_band_is_drawn_corner_by_corner() -> None:
         "stiff end, payload × 0.8",
         "stiff end",
     ]
+
+
+def test_a_frequency_response_says_what_it_is_and_cuts_no_word() -> None:
+    validation = ad.validate(machines.named("paper_1dof"), [0.1])
+    fig = plots.frequency_responses({name: validation for name in ("worst", "median", "best")})
+    fig.canvas.draw()
+    ax, run = fig.axes[0], validation.runs[0]
+    assert ax.get_title() == f"worst: lift cylinder, fitted {run.identified_frequency:.3f} Hz"
+    assert ax.get_ylabel() == "speed / commanded speed [–]"
+    words, whole = ax.yaxis.label.get_window_extent(), fig.bbox
+    assert whole.y0 <= words.y0 < words.y1 <= whole.y1

@@ -54,6 +54,7 @@ def test_rigid_machines_on_springs_are_not_called_rigid() -> None:
     assert machines.rigid("excavator_20t").section.bands.structure is None
 
 
+@pytest.mark.slow
 def test_all_numbers_of_the_headline_are_searched_between_the_poses() -> None:
     """At each end as in the map of a machine of its own, whose worst pose is off the grid."""
     bands = ad.Bands(bulk_modulus=(0.8, 1.2), structure=(0.2, 1.0))

@@ -95,8 +95,8 @@ def test_hover_and_click_show_the_bandwidth(browser: Any, controlled: Path) -> N
     tab.mouse.move(x, y)
     tab.wait_for_timeout(400)
     find = "Bokeh.documents[0].get_model_by_name('cells-0').data"
-    asked = ("words", "pose", "load", "part", "frequency", "others", "spread")
-    data = {name: tab.evaluate(f"{find}.{name}[3]") for name in asked}
+    columns = ("words", "pose", "load", "part", "frequency", "others", "spread")
+    data = {name: tab.evaluate(f"{find}.{name}[3]") for name in columns}
     words = shown(tab)
     for text in data.values():
         assert text in words

@@ -7,7 +7,7 @@ import re
 import pytest
 
 import armdesign as ad
-from armdesign.report.design_report import _bandwidth, _rows_of_bandwidths
+from armdesign.report.design_report import bandwidth_rows, bandwidth_section
 from armdesign.report.designs import design_sheets
 from armdesign.units import WORKSHOP
 from tests.design.designs import MACHINES, workspace_of
@@ -34,9 +34,8 @@ def test_what_buildability_costs(catalogue: str) -> None:
     assert float(built) < float(real)
 
 
-@pytest.mark.parametrize(
-    ("points", "poses"), [(5, 5), pytest.param(60, 24, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("points", "poses"), [(5, 5), (60, 24)])
 def test_bandwidths_are_the_worst_and_median_of_some_poses(points: int, poses: int) -> None:
     """All poses where they are few, as a bandwidth map has them; else also the lowest of both."""
     machine = ad.load("paper_1dof")
@@ -44,12 +43,12 @@ def test_bandwidths_are_the_worst_and_median_of_some_poses(points: int, poses: i
     workspace = ad.Workspace.grid(leaking, points)
     design = ad.size_cylinders(leaking, workspace, ad.Requirements(oil_total_share=1.05))
     maps = [design.before, design.after]
-    rows = _rows_of_bandwidths(maps)
+    rows = bandwidth_rows(maps)
     assert poses <= len(rows) <= poses + 2
     for one in maps:
         lowest = one.frame["boom"][one.frame["f1_hz"].argmin()]
         assert lowest in workspace.q[rows, 0]
-    section = _bandwidth(design, WORKSHOP)
+    section = bandwidth_section(design, WORKSHOP)
     assert f"of {len(rows)} of the workspace's {points} poses" in section.words[0]
     table = {row[0]: row[1:3] for row in section.sheets[0].rows}
     for label, one in zip(("today", "new"), maps, strict=True):

@@ -15,6 +15,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.arrays import Array
+from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import side_view
 from armdesign.drawing.swing import swung
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
@@ -62,14 +63,24 @@ def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
             assert set(cells[rows, 2]) == set(place[of_case])
             for row in np.flatnonzero(rows):
                 least = frame["f1_hz"][of_case & (place == cells[row, 2])]
-                assert values[row, 0] == pytest.approx(least.min(), abs=2e-4)
-                assert least.min() - 2e-4 < values[row, 1] <= values[row, 2] + 2e-4
+                printed = f"{least.min():.3f}"  # the same digits as in the tables
+                assert f"{values[row, 0]:.3f}" == printed
+                assert values[row, 0] <= values[row, 1] <= values[row, 2]
                 pose = positions[int(cells[row, 3])]
-                assert pose[len(joints)] == pytest.approx(least.min(), abs=2e-4)
+                assert f"{pose[len(joints)]:.3f}" == printed
                 worst = np.degrees(frame.loc[least.idxmin(), joints].to_numpy(float))
                 assert pose[: len(joints)] == pytest.approx(worst, abs=0.01)
                 checked += 1
     assert checked > 100
+
+
+def test_drawn_cylinders_have_the_colours_of_the_pictures() -> None:
+    frequencies = two_joints()
+    (drawn,) = scene_of({"today": frequencies}).machines
+    known = actuator_colours(frequencies.machine)
+    assert {one["name"]: one["colour"] for one in drawn.cylinders} == {
+        name: known[name] for name in ("boom", "stick", "bucket")
+    }
 
 
 def test_drawings_place_every_pin_within_2_mm() -> None:

@@ -84,6 +84,7 @@ def test_worst_pose_agrees(worst: Validation) -> None:
     assert (frame["identified_hz_sigma"] < 1e-3 * frame["identified_hz"]).all()
 
 
+@pytest.mark.slow
 def test_frame_shows_the_poses_visited(worst: Validation) -> None:
     frame = worst.frame
     for index, joint in enumerate(worst.joints):
@@ -91,6 +92,7 @@ def test_frame_shows_the_poses_visited(worst: Validation) -> None:
         assert list(frame[f"{joint}_span"]) == [run.span[index] for run in worst.runs]
 
 
+@pytest.mark.slow
 def test_frame_shows_what_the_raw_peak_would_say(worst: Validation) -> None:
     """Sweeps of 16 periods: low by about 0.5 %, as ``sweep_bias`` says of an oscillator; the small
     ones' fit is not.

@@ -1,5 +1,7 @@
 """An upper bound on the worst frequency that no pins and areas, or no areas, can exceed.
 
+Areas are any, or those of a catalogue's sizes, where a problem has one and pins move.
+
 The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows
 and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is
 enclosed from above by branch and bound on intervals (``cylinder_term``), which no local optimum
@@ -277,5 +279,7 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
         words.append("masses as they are tried within their bands")
     if any(v.pin is not None for v in problem.vector.variables):
         words.append(f"each requirement wider by {CONSTRAINT_TOLERANCE:g}")
+        if problem.grid.sizes:
+            words.append("sizes of the catalogue, strokes and pins on no grid")
     words += [f"the {name} cylinder rigid" for name in held]
     return tuple(words)

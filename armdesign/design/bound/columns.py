@@ -10,7 +10,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints, cylinder_constraints
-from armdesign.design.bound.cylinder_shape import Shape, shape_of
+from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.problem import Problem
@@ -39,16 +39,39 @@ class JointDrive:
 
     @property
     def region(self) -> tuple[Array, Array]:
-        """Lowest and highest b, scale and swept volumes (5,)."""
+        """Lowest and highest b, scale, and swept volumes, or areas of a catalogue (5,)."""
         low, high = self.shape.region
-        return np.append(low, self.limits.volume[0]), np.append(high, self.limits.volume[1])
+        return np.append(low, self.limits.others[0]), np.append(high, self.limits.others[1])
 
     def within(self, low: Array, high: Array) -> JointDrive:
         """The drive with its designs in a part (5,) of the region."""
         scale = float(low[2]), float(high[2])
         shape = replace(self.shape, low=low[:2], high=high[:2], scale=scale)
-        limits = replace(self.limits, volume=np.stack([low[3:], high[3:]]))
-        return replace(self, shape=shape, limits=limits)
+        return replace(self, shape=shape, limits=self.limits.within(low[3:], high[3:]))
+
+    def place(self, problem: Problem, x: Array) -> Array:
+        """Place (5,) in the region of the design x."""
+        i = self.cylinder
+        areas = problem.vector.areas(x)[i]
+        if self.limits.areas.pairs is None:
+            others = areas * problem.vector.strokes(x)[1][i]
+        else:
+            (others,) = self.limits.areas.nearest(areas[None])
+        return np.append(coordinates(problem, i, self.shape, x), others)
+
+    def volume(self, place: Array) -> Array:
+        """Swept volumes (m, 2) [m³] at places (m, 5) of the region."""
+        if self.limits.areas.pairs is None:
+            return place[:, 3:]
+        stroke = self.shape.enclose(place[:, :2], place[:, :2]).stroke.low
+        return place[:, 3:] * (stroke * place[:, 2])[:, None]
+
+    def boxes(self, designs: Array, random: np.random.Generator) -> Array:
+        """Boxes of no width of b and scale (m, 3): with any volumes, or any pair of areas each."""
+        pairs = self.limits.areas.pairs
+        if pairs is None:
+            return designs
+        return np.column_stack([designs, random.choice(pairs, len(designs))])
 
     def torque(self, whole: Interval) -> Interval:
         """Its own part of torques that all partners hold together."""
@@ -103,19 +126,14 @@ class Columns:
     """Designs of single cylinders."""
 
     drive: Array  # index of the drive (c,)
-    design: Array  # b and scale (c, 3)
+    place: Array  # in its region (c, 5): b, scale, and swept volumes or areas
     volume: Array  # swept volumes (c, 2) [m³]
 
     def __getitem__(self, rows: Array) -> Columns:
-        return Columns(drive=self.drive[rows], design=self.design[rows], volume=self.volume[rows])
+        return Columns(drive=self.drive[rows], place=self.place[rows], volume=self.volume[rows])
 
     def __len__(self) -> int:
         return len(self.drive)
-
-    @property
-    def place(self) -> Array:
-        """Points in the drives' regions (c, 5)."""
-        return np.column_stack([self.design, self.volume])
 
     def within(self, k: int, drive: JointDrive) -> Columns:
         """These without the columns of drive ``k`` that lie outside ``drive``'s region."""
@@ -124,34 +142,39 @@ class Columns:
         return self[(self.drive != k) | inside]
 
 
-def column(k: int, design: Array, volume: Array) -> Columns:
-    """One design (3,) of drive ``k`` with swept volumes (2,)."""
-    return Columns(drive=np.array([k]), design=design[None], volume=volume[None])
+def column(k: int, drive: JointDrive, place: Array) -> Columns:
+    """One design (5,) of drive ``k``."""
+    return Columns(drive=np.array([k]), place=place[None], volume=drive.volume(place[None]))
 
 
 def joined(*parts: Columns) -> Columns:
     """Several sets of columns as one."""
-    names = ("drive", "design", "volume")
+    names = ("drive", "place", "volume")
     return Columns(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
-def allowed_columns(drive: JointDrive, k: int, designs: Array) -> Columns:
-    """Columns of the designs (m, 3) that are allowed, each with some choices of swept volumes."""
-    kept, _, volume = drive.limits.allowed(designs, designs)
-    kept, volume = kept[:KEPT], volume[:KEPT]
+def allowed_columns(drive: JointDrive, k: int, boxes: Array) -> Columns:
+    """Columns of boxes of no width (m, 3 or 5) that are allowed.
+
+    Each with some choices of swept volumes, where its box has none.
+    """
+    allowed = drive.limits.allowed(boxes, boxes)
+    kept, volume = allowed.kept[:KEPT], allowed.volume[:KEPT]
+    if drive.limits.areas.pairs is not None:
+        return Columns(drive=np.full(len(kept), k), place=boxes[kept], volume=volume[:, 0])
     count = volume.shape[1]
-    return Columns(
-        drive=np.full(count * len(kept), k),
-        design=np.repeat(designs[kept], count, axis=0),
-        volume=volume.reshape(-1, 2),
-    )
+    design, volume = np.repeat(boxes[kept], count, axis=0), volume.reshape(-1, 2)
+    place = np.column_stack([design, volume])
+    return Columns(drive=np.full(len(place), k), place=place, volume=volume)
 
 
 def columns_around(
-    drive: JointDrive, k: int, design: Array, random: np.random.Generator
+    drive: JointDrive, k: int, place: Array, random: np.random.Generator
 ) -> Columns:
-    """Columns at and around one design (3,)."""
+    """Columns at and around one design (5,)."""
     low, high = drive.shape.region
     steps = random.normal(size=(NEAR, 3)) * random.uniform(0, SPREAD, (NEAR, 1)) * (high - low)
-    near = np.clip(design + np.vstack([np.zeros(3), steps]), low, high)
-    return allowed_columns(drive, k, near)
+    near = np.clip(place[:3] + np.vstack([np.zeros(3), steps]), low, high)
+    boxes = drive.boxes(near, random)
+    boxes[::2, 3:] = place[3 : boxes.shape[1]]
+    return allowed_columns(drive, k, boxes)

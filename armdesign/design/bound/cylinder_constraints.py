@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
+from armdesign.design.bound.cylinder_areas import CylinderAreas
 from armdesign.design.bound.cylinder_loads import Loads, loads_of
 from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
 from armdesign.design.bound.intervals import Interval
@@ -30,12 +31,30 @@ NO_LOADS = Loads(angle=np.empty(0), held=np.empty((2, 0)), place=np.empty(0, dty
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class AllowedBoxes:
+    """Boxes that may hold an allowed design, and what it is like there.
+
+    Attributes:
+        kept: their indices (k,) among all boxes.
+        scale: scales (k,).
+        volume: vertices (k, v, 2) of a polygon around the swept volumes [m³].
+        low, high: ends (k, 2) of the swept volumes; of the areas where they are of a catalogue.
+    """
+
+    kept: Array
+    scale: Interval
+    volume: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CylinderConstraints:
     """Limits of one cylinder; sides are cap and annulus.
 
     Attributes:
         shape: the cylinder's, at the angles where requirements are looked at.
-        area: least and largest areas (2, 2: ends, sides) [m²], > 0.
+        areas: that it may have, > 0.
         volume: least and largest swept volumes (2, 2: ends, sides) [m³].
         rod: area [m²] of a rod that stays while its bore varies; 0 where it varies too, or neither
             does.
@@ -52,7 +71,7 @@ class CylinderConstraints:
     """
 
     shape: Shape
-    area: Array
+    areas: CylinderAreas
     volume: Array
     rod: float
     dead_length: float
@@ -65,27 +84,36 @@ class CylinderConstraints:
     supply: float
     back: float
 
-    def allowed(self, low: Array, high: Array) -> tuple[Array, Interval, Array]:
-        """Boxes (m, 3) that may hold an allowed design, scales, vertices (k, v, 2) of volumes.
+    @property
+    def others(self) -> Array:
+        """Ends (2, 2) of what boxes (m, 5) have beside b and scale: volumes, or areas of pairs."""
+        return self.volume if self.areas.pairs is None else self.areas.ends
 
-        Boxes (m, 5) say also between which ends the volumes lie; each on its own, so that a rod
-        that stays is let go. A box is left out only where nothing can be allowed, so never for
-        what is not a number.
+    def within(self, low: Array, high: Array) -> CylinderConstraints:
+        """The same with others between ends (2,)."""
+        if self.areas.pairs is None:
+            return replace(self, volume=np.stack([low, high]))
+        areas = self.areas.within(low, high)
+        assert areas is not None  # ends of areas are ends of pairs
+        return replace(self, areas=areas)
+
+    def allowed(self, low: Array, high: Array) -> AllowedBoxes:
+        """Boxes (m, 3) of b and scale, or (m, 5) with ``others``, that may hold a design.
+
+        Ends of volumes count each on its own, so that a rod that stays is let go. A box is left
+        out only where nothing can be allowed, so never for what is not a number.
         """
-        kept = np.arange(len(low))
-        scale = Interval(low[:, 2], high[:, 2])
-        if self.shape.pin_boxes is not None:
-            scale = self.shape.pin_boxes.scales(low[:, :2], high[:, :2], scale)
-            kept = np.flatnonzero(~(scale.low > scale.high))
-        e = self.shape.enclose(low[kept, :2], high[kept, :2])
-        scale = self._long_enough(e, scale[kept])
+        kept, e, scale = self._placed(low, high)
+        if self.areas.pairs is not None:
+            return self._of_pairs(kept, e, scale, low[kept, 3:], high[kept, 3:])
         floor, top = (low[kept, 3:], high[kept, 3:]) if low.shape[1] > 3 else self.volume
         least = self._least_volumes(e, scale, floor)
-        most = np.minimum(top, self.area[1] * (e.stroke.high * scale.high)[:, None])
+        area = self.areas.ends
+        most = np.minimum(top, area[1] * (e.stroke.high * scale.high)[:, None])
         # at scale 1; grows with its 3/2th power
         slender = e.wide.open.low * np.sqrt(e.stroke.low * self.buckling)
         scale = self._buildable(e, scale, least, most, slender)
-        most = np.minimum(most, self.area[1] * (e.stroke.high * scale.high)[:, None])
+        most = np.minimum(most, area[1] * (e.stroke.high * scale.high)[:, None])
         left = ~(np.any(least > most, axis=1) | (scale.low > scale.high))
         least, most, slender = least[left], most[left], slender[left] * scale.low[left] ** 1.5
         if self.rod > 0 and low.shape[1] == 3:
@@ -95,7 +123,83 @@ class CylinderConstraints:
         else:
             vertices, possible = _vertices(least, most, slender)
         left = np.flatnonzero(left)[possible]
-        return kept[left], scale[left], vertices
+        return AllowedBoxes(
+            kept=kept[left],
+            scale=scale[left],
+            volume=vertices,
+            low=vertices.min(axis=1),
+            high=vertices.max(axis=1),
+        )
+
+    def _placed(self, low: Array, high: Array) -> tuple[Array, Enclosure, Interval]:
+        """Boxes of b and scale in which pins may be, their shapes and scales."""
+        kept = np.arange(len(low))
+        scale = Interval(low[:, 2], high[:, 2])
+        if self.shape.pin_boxes is not None:
+            scale = self.shape.pin_boxes.scales(low[:, :2], high[:, :2], scale)
+            kept = np.flatnonzero(~(scale.low > scale.high))
+        e = self.shape.enclose(low[kept, :2], high[kept, :2])
+        return kept, e, self._long_enough(e, scale[kept])
+
+    def _of_pairs(
+        self, kept: Array, e: Enclosure, scale: Interval, low: Array, high: Array
+    ) -> AllowedBoxes:
+        """The boxes ``kept`` in which a pair of areas, between ends (m, 0 or 2), may be allowed.
+
+        Each pair has strokes of its own; their volumes lie between two v1 and two v2/v1.
+        """
+        pairs = self.areas.pairs
+        assert pairs is not None
+        (cap, annulus), (stroke, scale) = pairs.T, self._of_each_pair(e, scale, pairs)
+        possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
+        if low.shape[1] > 0:
+            possible &= np.all((pairs >= low[:, None]) & (pairs <= high[:, None]), axis=2)
+        left = np.flatnonzero(possible.any(axis=1))
+
+        def span(low: Array, high: Array) -> Interval:
+            """Of what is possible (k,)."""
+            return Interval(
+                np.where(possible, low, np.inf).min(axis=1)[left],
+                np.where(possible, high, -np.inf).max(axis=1)[left],
+            )
+
+        volume, ratio = span(cap * stroke.low, cap * stroke.high), span(*2 * [annulus / cap])
+        corners = [(v, r) for v in (volume.low, volume.high) for r in (ratio.low, ratio.high)]
+        areas = [span(area, area) for area in (cap, annulus)]
+        return AllowedBoxes(
+            kept=kept[left],
+            scale=span(scale.low, scale.high),
+            volume=np.stack([np.stack([v, v * r], axis=1) for v, r in corners], axis=1),
+            low=np.stack([area.low for area in areas], axis=1),
+            high=np.stack([area.high for area in areas], axis=1),
+        )
+
+    def _of_each_pair(
+        self, e: Enclosure, scale: Interval, pairs: Array
+    ) -> tuple[Interval, Interval]:
+        """Strokes and scales (m, p) that boxes of scales (m,) allow each pair of areas."""
+        cap, annulus = pairs.T
+        with np.errstate(divide="ignore"):  # no buckling
+            longest = (cap - annulus) / np.sqrt(self.buckling * cap)
+        longest = longest / e.wide.open.low[:, None]
+        scale, own = scale[:, None], e.stroke[:, None]
+        scale = Interval(scale.low, np.minimum(scale.high, longest))
+        stroke = Interval(
+            np.maximum(own.low * scale.low, self._least_strokes(e, pairs)),
+            np.minimum(own.high * scale.high, (self.volume[1] / pairs).min(axis=1)),
+        )
+        return stroke, scale.within(Interval(stroke.low / own.high, stroke.high / own.low))
+
+    def of_useful_pairs(self) -> CylinderConstraints | None:
+        """The same with the pairs of areas that may be allowed somewhere; None if none may."""
+        pairs = self.areas.pairs
+        if pairs is None:
+            return self
+        _, e, scale = self._placed(*self.shape.cells)
+        stroke, scale = self._of_each_pair(e, scale, pairs)
+        possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
+        areas = CylinderAreas.of_pairs(pairs[possible.any(axis=0)])
+        return None if areas is None else replace(self, areas=areas)
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""
@@ -109,12 +213,9 @@ class CylinderConstraints:
 
     def _least_volumes(self, e: Enclosure, scale: Interval, floor: Array) -> Array:
         """Swept volumes (m, 2) that torques and loads need at least, from a floor up."""
-        size = e.rate.size
-        least = self.area[0] * (e.stroke.low * np.minimum(scale.low, scale.high))[:, None]
-        least = np.maximum(least, self.torque / size[:, : self.ranged].max(axis=1)[:, None])
-        least = np.maximum(least, (self.end_torque / size[:, :2, None]).max(axis=1))
-        cap, annulus = np.maximum(least, floor).T
-        push, pull = self.loads.most(size[:, size.shape[1] - len(self.loads.angle) :])
+        least = self.areas.ends[0] * (e.stroke.low * np.minimum(scale.low, scale.high))[:, None]
+        cap, annulus = np.maximum(np.maximum(least, self._turning(e)), floor).T
+        push, pull = self._held(e)
         for _ in range(2):
             cap = np.maximum(
                 cap, np.where(push > 0, push + self.back * annulus, 0.0) / self.supply
@@ -124,12 +225,32 @@ class CylinderConstraints:
             )
         return np.stack([cap, annulus], axis=1)
 
+    def _least_strokes(self, e: Enclosure, pairs: Array) -> Array:
+        """Strokes (m, p) that pairs of areas (p, 2) need at least for torques and loads."""
+        least = (self._turning(e)[:, None] / pairs).max(axis=2)
+        for force, own, other in zip(self._held(e), pairs.T, pairs.T[::-1], strict=True):
+            area = np.maximum(self.supply * own - self.back * other, 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):  # no load on no area
+                least = np.fmax(least, force[:, None] / area)
+        return np.asarray(least)
+
+    def _turning(self, e: Enclosure) -> Array:
+        """Swept volumes (m, 2) that torques need at least."""
+        size = e.rate.size
+        least = self.torque / size[:, : self.ranged].max(axis=1)[:, None]
+        return np.maximum(least, (self.end_torque / size[:, :2, None]).max(axis=1))
+
+    def _held(self, e: Enclosure) -> Array:
+        """Pressure times swept volume (2, m) by which loads push and pull."""
+        size = e.rate.size
+        return self.loads.most(size[:, size.shape[1] - len(self.loads.angle) :])
+
     def _buildable(
         self, e: Enclosure, scale: Interval, least: Array, most: Array, slender: Array
     ) -> Interval:
         """The scales at which areas are not too large and rods not too thin for the volumes."""
-        low = np.maximum(scale.low, (least / self.area[1]).max(axis=1) / e.stroke.high)
-        high = np.minimum(scale.high, (most / self.area[0]).min(axis=1) / e.stroke.low)
+        low = np.maximum(scale.low, (least / self.areas.ends[1]).max(axis=1) / e.stroke.high)
+        high = np.minimum(scale.high, (most / self.areas.ends[0]).min(axis=1) / e.stroke.low)
         with np.errstate(divide="ignore", invalid="ignore"):
             rod = np.maximum(most[:, 0] - least[:, 1], 0.0) / np.sqrt(most[:, 0])
             return Interval(low, np.fmin(high, (rod / slender) ** (2 / 3)))
@@ -187,16 +308,14 @@ def cylinder_constraints(
     ranged = poses.q[:: 1 if torque.any() else 10, machine.linkages[i].joints[0]]
     loads = loads_of(problem, i, bars, sign) if alone else NO_LOADS
     shape = shape_of(problem, i, np.concatenate([ranged, loads.angle]))
-    if shape is None:
+    areas = CylinderAreas.of(problem, i)
+    if shape is None or areas is None:
         return None
     oil = share_of(r.oil_each_share, cylinder.name)
-    # an annulus may follow its bore
-    low, high = (vector.areas(end)[i] / today for end in problem.bounds)
-    high = np.minimum(high, [share_of(r.thrust_share, cylinder.name), np.inf])
     bore_varies, rod_varies = vector.resized[i]
-    return CylinderConstraints(
+    limits = CylinderConstraints(
         shape=shape,
-        area=np.stack([low * today / more, high * today * more]),
+        areas=areas,
         volume=np.stack([np.zeros(2), oil * today * cylinder.stroke * more]),
         rod=float(today[0] - today[1]) if bore_varies and not rod_varies else 0.0,
         dead_length=cylinder.dead_length - CONSTRAINT_TOLERANCE * cylinder.stroke,
@@ -209,6 +328,7 @@ def cylinder_constraints(
         supply=machine.supply.pressure,
         back=machine.supply.return_pressure,
     )
+    return limits.of_useful_pairs()
 
 
 def _torques(problem: Problem, i: int) -> tuple[Array, Array]:

@@ -34,6 +34,7 @@ from armdesign.mechanism.linkage.base import Linkage
 # of stroke and of |ℓ r|, in units of the scale: both are positive for a cylinder that works
 LEAST = 1e-9
 STRAIGHT = 1e-9  # how far from plane an arm may be
+FIRST = (8, 8, 2)  # cells of a region along b and scale
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,6 +60,18 @@ class Shape:
     def region(self) -> tuple[Array, Array]:
         """Lowest and highest b and scale (3,)."""
         return np.append(self.low, self.scale[0]), np.append(self.high, self.scale[1])
+
+    @property
+    def cells(self) -> tuple[Array, Array]:
+        """The region cut evenly: corners (m, 3) of cells of b and scale."""
+        cuts = zip(*self.region, FIRST, strict=True)
+        edges = [np.linspace(a, b, n + 1) if b > a else np.array([a, b]) for a, b, n in cuts]
+        grids = [
+            np.meshgrid(*[e[part] for e in edges], indexing="ij")
+            for part in (slice(None, -1), slice(1, None))
+        ]
+        low, high = (np.stack([g.ravel() for g in grid], axis=1) for grid in grids)
+        return low, high
 
     def at(self, angles: Array) -> Shape:
         """The shape at its two ends and at some of the angles after them, by their indices."""

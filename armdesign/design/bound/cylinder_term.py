@@ -9,9 +9,12 @@ all volumes allowed in it β is taken at the greatest pressure that there can be
 it is then convex in v, so its maximum lies at a vertex of any polygon around the allowed (v1, v2).
 Over a cell of shapes it is enclosed twice, naturally and in the mean value form.
 
+Of a catalogue's areas v = A S takes few values: cells are then of b, scale and areas, and hold the
+volumes between two v1 and two v2/v1, of one pair a line.
+
 Tangents of structure in series (``cylinder_spring``) leave a term of the same form, and a constant
 times r², which the scale enters. Air and tangents are near only for small ranges of volumes, so
-cells are of volumes too there.
+cells are of volumes too there, unless they are of areas.
 
 Cells are halved until none can exceed the best. No local optimum can fool it: what is cut off is
 enclosed from above.
@@ -26,7 +29,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.bound.cylinder_constraints import CylinderConstraints
+from armdesign.design.bound.cylinder_constraints import AllowedBoxes, CylinderConstraints
 from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Natural, Shape
 from armdesign.design.bound.cylinder_spring import (
     Air,
@@ -44,6 +47,8 @@ TOGETHER = 250  # cells in one pass, whose arrays stay in the processor's cache
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cells:
     """Cells (m, 3) of b and scale, with air or structure (m, 5) of swept volumes too.
+
+    Of areas instead where they are of a catalogue.
 
     Upper bound, the swept volumes (m, 2) that it is for, and what each axis adds to it.
     """
@@ -86,8 +91,9 @@ class CylinderTerm:
 
     def _upper(self, low: Array, high: Array) -> Cells:
         """Upper bounds over some cells."""
-        kept, scale, vertices = self.limits.allowed(low, high)
-        low, high = low[kept], high[kept]
+        allowed = self.limits.allowed(low, high)
+        scale, vertices = allowed.scale, allowed.volume
+        low, high = low[allowed.kept], high[allowed.kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])
         costs = self._costs(e.stroke * scale)
         spring = self.spring(e, scale, vertices, costs)
@@ -99,19 +105,21 @@ class CylinderTerm:
         )
         ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
         if low.shape[1] > 3:
-            least, most = vertices.min(axis=1), vertices.max(axis=1)
-            ends[0], ends[1] = [*ends[0], least], [*ends[1], most]
-            by_volume = self._by_volume(e, scale, vertices, vertices[rows, best], spring)
+            ends[0], ends[1] = [*ends[0], allowed.low], [*ends[1], allowed.high]
+            if self.limits.areas.pairs is None:
+                others = self._by_volume(e, scale, vertices, vertices[rows, best], spring)
+            else:
+                others = self._by_area(e, allowed, vertices[rows, best], spring)
             # elsewhere nothing is known of the shape yet
-            by_volume = np.where(known[rows, best][:, None], by_volume, 0.0)
-            added = np.column_stack([added, by_volume])
+            others = np.where(known[rows, best][:, None], others, 0.0)
+            added = np.column_stack([added, others])
         return Cells(
             low=np.column_stack(ends[0]),
             high=np.column_stack(ends[1]),
             bound=bound[rows, best],
             volume=vertices[rows, best],
             added=added,
-            source=kept,
+            source=allowed.kept,
         )
 
     def _costs(self, stroke: Interval) -> Array:
@@ -194,6 +202,13 @@ class CylinderTerm:
                 excess = oil * (t + np.sqrt(spring.oil) - 1) ** 2 / t
             added += ((excess * e.centre.rate.low**2) @ self.weight)[:, None] * (1 - least / most)
         return added
+
+    def _by_area(
+        self, e: Enclosure, allowed: AllowedBoxes, best: Array, spring: CylinderSpring
+    ) -> Array:
+        """Rough share of each area's ends (m, 2) in the stiffness at volumes (m, 2)."""
+        value = self._value(e.centre, best[:, None], np.zeros_like(best), spring)
+        return np.abs(value) * (allowed.high / allowed.low - 1)
 
     def _added(
         self,
@@ -317,16 +332,15 @@ class CylinderTerm:
 BATCH = 1500  # cells branched at a time
 TRIALS = 50  # middles of cells tried as designs
 WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
-FIRST = (8, 8, 2)  # cells to begin with, along b and scale
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Maximum:
-    """The most that a term can be: ``upper`` for sure; ``value`` is reached by ``design``."""
+    """The most that a term can be: ``upper`` for sure; ``value`` is reached at ``place``."""
 
     upper: float
     value: float
-    design: Array  # (3,) b and scale
+    place: Array  # (5,) b and scale, and swept volumes or areas of a catalogue
     volume: Array  # (2,) [m³]
     cells: int  # looked at
     leaves: tuple[Array, Array]  # corners (m, 3 or 5) of all cells that were not halved
@@ -334,15 +348,15 @@ class Maximum:
 
 def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
     """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at."""
-    low, high = first_cells(term.shape)
-    if term.air or term.structure:
-        least, most = (np.tile(end, (len(low), 1)) for end in term.limits.volume)
+    low, high = term.shape.cells
+    if term.air or term.structure or term.limits.areas.pairs is not None:
+        least, most = (np.tile(end, (len(low), 1)) for end in term.limits.others)
         low, high = np.column_stack([low, least]), np.column_stack([high, most])
     cells, looked, done = term.upper(low, high), len(low), []
     best = Maximum(
         upper=math.inf,
         value=-math.inf,
-        design=np.zeros(3),
+        place=np.zeros(5),
         volume=np.zeros(2),
         cells=0,
         leaves=(low, high),
@@ -363,18 +377,6 @@ def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
     leaves = _together(*done, cells)
     upper = max(float(leaves.bound.max(initial=-math.inf)), best.value)
     return replace(best, upper=upper, cells=looked, leaves=(leaves.low, leaves.high))
-
-
-def first_cells(shape: Shape) -> tuple[Array, Array]:
-    """The region of a shape cut evenly: corners (m, 3) of cells of b and scale."""
-    cuts = zip(*shape.region, FIRST, strict=True)
-    edges = [np.linspace(a, b, n + 1) if b > a else np.array([a, b]) for a, b, n in cuts]
-    grids = [
-        np.meshgrid(*[e[part] for e in edges], indexing="ij")
-        for part in (slice(None, -1), slice(1, None))
-    ]
-    low, high = (np.stack([g.ravel() for g in grid], axis=1) for grid in grids)
-    return low, high
 
 
 def halves(cells: Cells) -> tuple[Array, Array]:
@@ -402,19 +404,26 @@ def _better(term: CylinderTerm, best: Maximum, cells: Cells) -> Maximum:
     if len(designs.bound) == 0 or designs.bound.max() <= best.value:
         return best
     k = int(designs.bound.argmax())
-    return replace(
-        best, value=float(designs.bound[k]), design=designs.low[k, :3], volume=designs.volume[k]
-    )
+    place, volume = designs.low[k], designs.volume[k]
+    place = np.append(place[:3], volume if term.limits.areas.pairs is None else place[3:])
+    return replace(best, value=float(designs.bound[k]), place=place, volume=volume)
 
 
 def _middles(term: CylinderTerm, cells: Cells) -> tuple[Array, Array]:
-    """Cells of no width: in the middle of cells; of their volumes all vertices allowed there."""
+    """Cells of no width: in the middle of cells; of their volumes all vertices allowed there.
+
+    Of the pairs of areas in them the one nearest to their middle.
+    """
     low, high = cells.low.copy(), cells.high.copy()
     low[:, :3] = high[:, :3] = (low[:, :3] + high[:, :3]) / 2
     if low.shape[1] == 3:
         return low, high
-    kept, _, volume = term.limits.allowed(low, high)
+    if term.limits.areas.pairs is not None:
+        low[:, 3:] = high[:, 3:] = term.limits.areas.nearest((low[:, 3:] + high[:, 3:]) / 2)
+        return low, high
+    allowed = term.limits.allowed(low, high)
+    volume = allowed.volume
     volume = volume + WITHIN * (volume.mean(axis=1, keepdims=True) - volume)
-    middle = np.repeat(low[kept, :3], volume.shape[1], axis=0)
+    middle = np.repeat(low[allowed.kept, :3], volume.shape[1], axis=0)
     designs = np.column_stack([middle, volume.reshape(-1, 2)])
     return designs, designs

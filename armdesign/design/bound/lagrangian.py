@@ -45,7 +45,6 @@ from armdesign.design.bound.columns import (
     columns_around,
     joined,
 )
-from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm, Maximum, maximum
 from armdesign.design.bound.intervals import Interval, interval
@@ -54,7 +53,7 @@ from armdesign.design.bound.motors import motor_joints, motor_stiffness
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.dynamics import Rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import ProgrammeStep, positive_part, programme
+from armdesign.design.search.semidefinite import PENALTY, ProgrammeStep, positive_part, programme
 from armdesign.frequency.modes import inverse_cholesky
 
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
@@ -78,7 +77,7 @@ class Multipliers:
     oil: Array  # μ of both sides (2,) [1/m³]
     constant: float  # the part of the upper bound that no design changes
     light: float  # Σ ⟨Z, L⁻¹M0 L⁻ᵀ⟩ of the inertia that no design changes, 1 where that is all
-    mixed: float  # the best of mixtures
+    mixed: float  # the best of mixtures, less the penalty of what they exceed the oil by
     mixture: Array  # how much of each column it takes (c,)
 
 
@@ -110,17 +109,11 @@ class LagrangianDual:
         """From the design x, its lowest rows, and random designs."""
         random = np.random.default_rng(0)
         squared = problem.dynamics.omega_squared(x, watched)
-        stroke = problem.vector.strokes(x)[1]
-        chosen = [d.cylinder for d in some]
-        columns = Columns(
-            drive=np.arange(len(some)),
-            design=np.array([coordinates(problem, d.cylinder, d.shape, x) for d in some]),
-            volume=(problem.vector.areas(x) * stroke[:, None])[chosen],
-        )
-        pool = [columns_around(d, k, columns.design[k], random) for k, d in enumerate(some)]
+        columns = joined(*(column(k, d, d.place(problem, x)) for k, d in enumerate(some)))
+        pool = [columns_around(d, k, columns.place[k], random) for k, d in enumerate(some)]
         for k, drive in enumerate(some):
             drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
-            pool.append(allowed_columns(drive, k, drawn))
+            pool.append(allowed_columns(drive, k, drive.boxes(drawn, random)))
         reference = max(float(squared.min()), problem.dynamics.omega_squared_scale)
         rows, all_rows = problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
         fixed = replace(rows, slope=rows.slope + motor_stiffness(problem, bool(bars)))
@@ -153,8 +146,8 @@ class LagrangianDual:
     def join(self, k: int, most: Maximum) -> None:
         """Take the design of drive ``k`` that branching found, and others around it."""
         random = np.random.default_rng(len(self.pool))
-        self.columns = joined(self.columns, column(k, most.design, most.volume))
-        around = columns_around(self.drives[k], k, most.design, random)
+        self.columns = joined(self.columns, column(k, self.drives[k], most.place))
+        around = columns_around(self.drives[k], k, most.place, random)
         self.pool = joined(self.pool, around)
 
     @property
@@ -204,7 +197,7 @@ class LagrangianDual:
                 np.einsum("nij,nij->", weight, self.fixed.slope[pick]) + oil.sum() * budget
             ),
             light=self.reference * float(np.einsum("nij,nij->", weight, self.fixed.mass[pick])),
-            mixed=step.value - step.violation,
+            mixed=step.value - PENALTY * step.violation,
             mixture=step.change[: len(self.columns)],
         )
 
@@ -263,7 +256,7 @@ class LagrangianDual:
         for k, d in enumerate(self.drives):
             own = np.flatnonzero(columns.drive == k)
             angles, back = np.unique(d.angle[rows], return_inverse=True)
-            b, (cap, annulus) = columns.design[own, :2], columns.volume[own].T[:, :, None]
+            b, (cap, annulus) = columns.place[own, :2], columns.volume[own].T[:, :, None]
             e = d.shape.at(angles).enclose(b, b).centre
             place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
             beta, gravity = (
@@ -278,7 +271,7 @@ class LagrangianDual:
             dead = d.dead[0] + d.hoses[0] * stiff[0], d.dead[1] + d.hoses[1] * stiff[1]
             structure, stroke = (
                 self._structure(d, interval(gravity), rows),
-                e.stroke * columns.design[own, 2],
+                e.stroke * columns.place[own, 2],
             )
             if structure:
                 place = place + structure.shift(interval(np.abs(rate)), stroke).low
@@ -353,11 +346,9 @@ class LagrangianDual:
         random = np.random.default_rng(len(self.pool))
         self._take(
             multipliers,
-            joined(*(column(k, most.design, most.volume) for k, most in enumerate(maxima))),
+            joined(*(column(k, self.drives[k], most.place) for k, most in enumerate(maxima))),
         )
-        around = (
-            columns_around(d, k, maxima[k].design, random) for k, d in enumerate(self.drives)
-        )
+        around = (columns_around(d, k, maxima[k].place, random) for k, d in enumerate(self.drives))
         self.pool = joined(self.pool, *around)
 
     # ----------------------------------------------------------------------------------- branching

@@ -20,10 +20,9 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.bound.cylinder_areas import CylinderAreas
 from armdesign.design.bound.intervals import Interval, interval
-from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.problem import Problem
-from armdesign.machine.file.schema import share_of
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import sweep
@@ -243,18 +242,15 @@ def bar_enclosures(problem: Problem) -> list[BarEnclosure] | None:
                 return None
             sections |= {bar: getattr(linkage, bar) for bar, _ in linkage.legs}
         weigh = {name: today.moving_masses[name] / sections[name] for name in names}
-        low, high = (problem.vector.areas(end)[i] for end in problem.bounds)
-        most = (
-            share_of(problem.requirements.thrust_share, today.name)
-            * (1 + CONSTRAINT_TOLERANCE)
-            * problem.vector.areas_today[i, 0]
-        )
+        areas = CylinderAreas.of(problem, i)
+        if areas is None:
+            return None
         enclosures.append(
             BarEnclosure(
                 problem=problem,
                 cylinder=i,
                 per_area=tuple(weigh.get(name, 0.0) for name in sections),
-                area=np.stack([low, np.minimum(high, [most, np.inf])]),
+                area=areas.ends,
                 cells=tuple(_cells(problem, i)),
             )
         )

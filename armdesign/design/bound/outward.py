@@ -5,12 +5,14 @@ designs, each with an upper bound on its term (``regions``). Multipliers are flo
 here their weights become Z = R Rᵀ in fractions, semidefinite to the last bit, and what no design
 changes is summed in fractions too. The term is enclosed over every cell again in intervals whose
 ends are rounded outward, by the same formulas of shapes; a cell that is then above what is stated
-is halved, and what stays above counts.
+is halved, and what stays above counts. Of a catalogue's areas, which are exact numbers, a cell has
+the pairs between its ends, which halves share, so that none is lost.
 
 Taken as they are: inertia, gravity torques and coefficients of shapes, which are the problem's
-numbers in floats; which cells hold nothing that is allowed, since requirements are wider there by
-``CONSTRAINT_TOLERANCE``, millions of times what floats lose; own masses' share of the terms. Oil
-with air has its modulus to within ``LOST``.
+numbers in floats; which cells hold nothing that is allowed, and to which scales and volumes a cell
+shrinks, since requirements are wider there by ``CONSTRAINT_TOLERANCE``, millions of times what
+floats lose; own masses' share of the terms. Scales and volumes are taken wider by ``LOST``, and
+oil with air has its modulus to within it.
 """
 
 from __future__ import annotations
@@ -90,13 +92,14 @@ def most_of(term: CylinderTerm, most: Maximum) -> float:
 
 def _upper(term: CylinderTerm, low: Array, high: Array) -> tuple[Array, Array]:
     """Cells that may hold an allowed design, and an upper bound on the term over each."""
-    kept, scale, vertices = term.limits.allowed(low, high)
+    allowed = term.limits.allowed(low, high)
+    kept, vertices = allowed.kept, allowed.volume
     low, high = low[kept, :2], high[kept, :2]
     nearest = term.shape.enclose(low, high)
     e = _enclosed(term, low, high)
-    scale = Outward(scale.low, scale.high)
-    # the volumes are solved for in floats
-    volume = Outward(vertices * (1 - LOST), vertices * (1 + LOST))
+    # scales and volumes are solved for in floats
+    scale = _wider(allowed.scale)
+    volume = _wider(interval(vertices))
     plain = term.spring(nearest, scale, vertices, np.tile(term.price, (len(kept), 1)))
     spring = _spring(term, e, scale, plain)
     slopes, whole = term.slopes(e, volume, spring)
@@ -109,6 +112,11 @@ def _upper(term: CylinderTerm, low: Array, high: Array) -> tuple[Array, Array]:
     cost = _cost(term, e.stroke * scale, volume)
     upper = (Outward.like(np.fmin(natural.high, around)) - cost).high.max(axis=1)
     return kept, np.where(np.isnan(upper), np.inf, upper)
+
+
+def _wider(numbers: Interval) -> Interval:
+    """Numbers > 0 that floats have lost some of."""
+    return Outward(numbers.low * (1 - LOST), numbers.high * (1 + LOST))
 
 
 def _enclosed(term: CylinderTerm, low: Array, high: Array) -> Enclosure:

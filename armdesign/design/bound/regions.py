@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.columns import Columns
+from armdesign.design.bound.columns import Columns, JointDrive
 from armdesign.design.bound.cylinder_term import Maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.bound.outward import Proof, certified
@@ -64,7 +64,7 @@ class Region:
 def lowest_bound(dual: LagrangianDual) -> float:
     """The lowest bound on ω² that is found, over the reference; infinite where none is.
 
-    As ``certified`` with ends rounded outward.
+    With what ends rounded outward add to it (``certified``).
     """
     reached = max(dual.reached, 0.0)
     enough, plenty = reached * (1 + ENOUGH) ** 2, reached * (1 + PLENTY) ** 2
@@ -79,7 +79,7 @@ def lowest_bound(dual: LagrangianDual) -> float:
         if not regions:  # though a design is at hand
             return math.inf
         regions.sort(key=lambda region: -region.bound)
-    return max(certified(r.proof) if r.proof else math.inf for r in regions)
+    return max(max(r.bound, certified(r.proof)) if r.proof else math.inf for r in regions)
 
 
 def _refined(region: Region, rounds: int, enough: float) -> Region:
@@ -122,7 +122,8 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
         trials = np.tile(mean, (6, len(own), 1))  # at the mean, and along each coordinate
         for axis in range(5):
             trials[1 + axis, :, axis] = places[:, axis]
-        at_mean, *along = dual.values(_columns(k, trials), multipliers).reshape(6, -1) @ weight
+        values = dual.values(_columns(k, drive, trials), multipliers).reshape(6, -1)
+        at_mean, *along = values @ weight
         low, high = drive.region
         inside = (mean > low) & (mean < high)
         gains += [(along[a] - at_mean, k, a, mean[a]) for a in range(5) if inside[a]]
@@ -130,10 +131,10 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
     return best[1:] if best[0] > 0 else None
 
 
-def _columns(k: int, places: Array) -> Columns:
+def _columns(k: int, drive: JointDrive, places: Array) -> Columns:
     """Columns of drive ``k`` at places (…, 5) of its region."""
     flat = places.reshape(-1, 5)
-    return Columns(drive=np.full(len(flat), k), design=flat[:, :3], volume=flat[:, 3:])
+    return Columns(drive=np.full(len(flat), k), place=flat, volume=drive.volume(flat))
 
 
 def _part(region: Region, k: int, axis: int, place: float, upper: bool, enough: float) -> Region:

@@ -39,11 +39,13 @@ class DrawingGrid:
         lengths: of pin coordinates and bars.
         strokes: of strokes.
         catalogue: name of what bores and rods are from: "iso", "5mm", "own" pairs, or "free".
+        sizes: these bores and rods [m]; none where any may be.
     """
 
     lengths: float
     strokes: float
     catalogue: str
+    sizes: Sizes = ()
 
 
 FINE = DrawingGrid(lengths=0.1, strokes=0.1, catalogue=FREE)
@@ -68,7 +70,8 @@ def sizes_and_grid(
     if catalogue is None or (isinstance(catalogue, str) and catalogue == FREE):
         return None, FINE
     name = catalogue if isinstance(catalogue, str) else OWN
-    return sizes_of(catalogue), replace(BUILDABLE, catalogue=name)
+    sizes = sizes_of(catalogue)
+    return sizes, replace(BUILDABLE, catalogue=name, sizes=sizes)
 
 
 def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:

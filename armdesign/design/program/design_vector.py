@@ -13,6 +13,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.linkage.base import Linkage, Move
 
 RANGE_POSES = 61  # over a joint range, where strokes and moment arms are constrained
+
+# closed length and stroke of every cylinder [m]; None where they follow its pins
+ChosenLengths: TypeAlias = tuple[tuple[float, float] | None, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +65,7 @@ class DesignVector:
     machine: Machine
     vary: tuple[str, ...]
     boxes: tuple[Mapping[str, float], ...]
-    chosen_lengths: tuple[tuple[float, float] | None, ...] = ()
+    chosen_lengths: ChosenLengths = ()
 
     @classmethod
     def of(

@@ -14,7 +14,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE, DrawingGrid, relative_areas
 from armdesign.design.program.corners import Corners, Emphasis
-from armdesign.design.program.design_vector import DesignVector
+from armdesign.design.program.design_vector import ChosenLengths, DesignVector
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.variables import Variable
 from armdesign.design.requirements.settings import Requirements
@@ -160,10 +160,9 @@ class Problem:
         areas = other.vector.areas(x) / self.vector.areas_today
         return np.clip(np.concatenate([areas.ravel(), coordinates]), *self.bounds)
 
-    def with_lengths(self, lengths: tuple[tuple[float, float] | None, ...]) -> Problem:
+    def with_lengths(self, lengths: ChosenLengths) -> Problem:
         """The same problem with closed lengths and strokes [m] that are chosen."""
-        vector = replace(self.vector, chosen_lengths=lengths)
-        return replace(self, dynamics=replace(self.dynamics, vector=vector))
+        return replace(self, dynamics=self.dynamics.with_lengths(lengths))
 
     def tightened(self, share: float) -> Problem:
         """The same problem with limits drawn in by a share."""

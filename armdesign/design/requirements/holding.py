@@ -10,7 +10,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
-from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number, shares
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.oil_spring import holding_force
@@ -126,6 +126,7 @@ class Lifts:
     lifts: tuple[Lift, ...] = entries("lift", _read, ("mass_kg", "mass", 1.0), _names)
 
 
+@names_begin_with("lift")
 def lifts(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Mass that each cylinder could hold; for the optimiser, by the forces at the lift's mass."""
     share = every_share(reference.today, reference.requirements.holding_share)

@@ -11,7 +11,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference, peak
-from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import (
     Stated,
     at_work,
@@ -62,6 +62,7 @@ class MomentArms:
     )
 
 
+@names_begin_with("moment_arm", "digging")
 def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Smallest moment arm over the joint range, and digging torque at the best pose.
 
@@ -104,6 +105,7 @@ def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             )
 
 
+@names_begin_with("transmission")
 def transmissions(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Angle between rocker and coupler of every four-bar, by its cosine.
 
@@ -142,6 +144,7 @@ class DiggingForce:
     digging_force: Mapping[str, float] = numbers_by_cylinder("digging_kN", kN, "digging_force")
 
 
+@names_begin_with("digging_force")
 def digging_force(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Force at the tool of every cylinder of which one is asked."""
     limits = reference.requirements.digging_force

@@ -16,7 +16,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
 from armdesign.design.requirements.holding import every_share, masses_held, spare_force
-from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import shares
 from armdesign.machine.lift_chart import HYDRAULIC_SHARE, ChartPoses, lift_chart_if_any
 from armdesign.machine.lifting import liftable_masses
@@ -35,6 +35,7 @@ class LiftShare:
     lift_share: float | Mapping[str, float] = shares("lift_share")
 
 
+@names_begin_with("lift_share")
 def lift_share(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Lift over today's that each actuator allows at every point that today's machine lifts.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
-from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import (
     Frozen,
     Names,
@@ -42,6 +42,7 @@ class Oil:
     oil_each_share: float | Mapping[str, float] = shares("oil_each_share")
 
 
+@names_begin_with("oil")
 def oil(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Swept volumes of both sides, summed and of each cylinder.
 
@@ -154,6 +155,7 @@ class Speeds:
     )
 
 
+@names_begin_with("speed")
 def speeds(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Flow of every motion within the pump's."""
     for speed in reference.requirements.speeds:

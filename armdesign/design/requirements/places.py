@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.design.requirements.candidate import Candidate, Reference, diameters
-from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import Frozen, Names, at_work, cylinders, entries
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.cylinder_build import barrel_outer
@@ -229,6 +229,7 @@ def refuse_pins_outside(machine: Machine, outlines: Iterable[Outline]) -> None:
                 )
 
 
+@names_begin_with("outline")
 def outlines(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Every pin on an outlined link, as far within the outline as its radius."""
     for outline in reference.requirements.outlines:
@@ -251,6 +252,7 @@ def outlines(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
                 )
 
 
+@names_begin_with("clearance")
 def clearances(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Distance of barrels from parts of links, at the poses of least clearance."""
     for part in reference.requirements.clearances:

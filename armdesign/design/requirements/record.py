@@ -1,13 +1,15 @@
 """A requirement: one record, evaluated on designs, judged on a machine, or conceded.
 
-To add one, say a largest rod speed (about fifteen lines of code in three files):
+To add one, say a largest rod speed (about fifteen lines of code in three files; its example for
+the documentation goes into ``docs/every_key.toml``):
 
 1. ``machine/file/schema.py``: its key and default, ``rod_speed_mm_per_s = None``; its text for
    editors in ``machine/file/json_schema.py``, which writes ``machine.schema.json``.
 2. The file of its family here (``oil.py``): a field with its meaning,
    ``rod_speed: float | None = number("rod_speed_mm_per_s", mm)``,
 3. and in the family's function ``yield Evaluation(...)``: name, words, SI unit, value on a
-   ``Candidate``, limit, setting (the key); ``reformulated`` where the distance to the limit bends.
+   ``Candidate``, limit, setting (the key); ``reformulated`` where the distance to the limit
+   bends. The name begins with a word of ``names_begin_with`` above the function.
 
 Check, constraints with gradients, slacks, rounding, prices, conflicts and reports follow. A new
 family is one more base class of ``Requirements`` and one more line of ``FAMILIES``.
@@ -15,9 +17,10 @@ family is one more base class of ``Requirements`` and one more line of ``FAMILIE
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -107,6 +110,21 @@ class Evaluation(Requirement):
         slack = distance / (self.slack_scale or abs(self.limit) or 1.0)
         slack[np.abs(slack) < 1e-12] = 0.0  # nothing but the rounding of the arithmetic is left
         return np.asarray(slack)
+
+
+Family: TypeAlias = Callable[..., Iterator[Evaluation]]  # of a candidate and the reference
+F = TypeVar("F", bound=Family)
+FIRST_WORDS: dict[Family, tuple[str, ...]] = {}  # of the names of each family's requirements
+
+
+def names_begin_with(*words: str) -> Callable[[F], F]:
+    """A family whose requirements have names that begin so: it is left out where none counts."""
+
+    def family(function: F) -> F:
+        FIRST_WORDS[function] = words
+        return function
+
+    return family
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ one: ``record.py``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -24,7 +24,7 @@ from armdesign.design.requirements.leverage import (
 from armdesign.design.requirements.lift_share import LiftShare, lift_share
 from armdesign.design.requirements.oil import Oil, Speeds, oil, speeds
 from armdesign.design.requirements.places import PinPlaces, clearances, outlines
-from armdesign.design.requirements.record import Concession, Evaluation
+from armdesign.design.requirements.record import FIRST_WORDS, Concession, Evaluation, Family
 from armdesign.design.requirements.stated import Frozen, Stated, check_kind, check_numbers
 from armdesign.design.requirements.strength import (
     Buckling,
@@ -165,21 +165,10 @@ class Requirements(
                         raise ArmDesignError(f"requirements.{path}", fault, remedy)
 
 
-# families of requirements, each with the first words of its requirements' names
-FAMILIES: Mapping[Callable[[Candidate, Reference], Iterator[Evaluation]], tuple[str, ...]] = {
-    oil: ("oil",),
-    strength: ("thrust", "dead_length", "buckling", "buckling_factor"),
-    leverage: ("moment_arm", "digging"),
-    torques: ("torque", "end_torque"),
-    transmissions: ("transmission",),
-    speeds: ("speed",),
-    lifts: ("lift",),
-    lift_share: ("lift_share",),
-    digging_force: ("digging_force",),
-    outlines: ("outline",),
-    clearances: ("clearance",),
-    cylinder_mass: ("cylinder_mass",),
-}
+FAMILIES: tuple[Family, ...] = (
+    *(oil, strength, leverage, torques, transmissions, speeds, lifts, lift_share),
+    *(digging_force, outlines, clearances, cylinder_mass),
+)
 
 
 def evaluations(
@@ -193,8 +182,8 @@ def evaluations(
     If names are ``wanted``, families without any of them are left out.
     """
     first_words = None if wanted is None else {name.split(".")[0] for name in wanted}
-    for family, words in FAMILIES.items():
-        if first_words is None or not first_words.isdisjoint(words):
+    for family in FAMILIES:
+        if first_words is None or not first_words.isdisjoint(FIRST_WORDS[family]):
             yield from family(new, reference)
     if first_words is None or "holding" in first_words:
         yield from holding(new, reference, forces())

@@ -11,7 +11,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference, diameters
-from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import Stated, check_word, number, shares, stated
 from armdesign.hydraulics.cylinder_build import (
     STEEL_MODULUS,
@@ -59,6 +59,7 @@ class Buckling:
     )
 
 
+@names_begin_with("thrust", "dead_length", "buckling", "buckling_factor")
 def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Thrust, dead length and buckling of each cylinder.
 
@@ -167,6 +168,7 @@ class CylinderMass:
     cylinder_mass: float | None = number("cylinder_mass_kg")
 
 
+@names_begin_with("cylinder_mass")
 def cylinder_mass(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Estimated mass of all cylinders, where it is limited."""
     if reference.requirements.cylinder_mass is not None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference, peak
-from armdesign.design.requirements.record import Evaluation
+from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import shares
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.machine import Machine
@@ -80,6 +80,7 @@ def _over_range(today: Machine, joint: int, samples: int) -> RigidPoses:
     return today.arm.kinematics(q)
 
 
+@names_begin_with("torque", "end_torque")
 def torques(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """Largest torque of every actuator, and its torque at both ends of the range, both ways."""
     requirements, today = reference.requirements, reference.today

@@ -17,6 +17,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE, size_in_mm
 from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.design_vector import ChosenLengths
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, meets, static_loads
@@ -32,6 +33,7 @@ from armdesign.design.search.file_changes import (
 from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
 from armdesign.design.search.pin_grid import with_pins_on_grid
 from armdesign.design.search.sequential_sdp import MISSED, Search
+from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import Cylinder, areas_of
 from armdesign.machine.machine import Machine
@@ -39,7 +41,8 @@ from armdesign.units import mm
 
 COMBINATIONS = 128  # rounded combinations of bores and rods that are tried
 ENUMERATED = 20_000  # combinations that are listed, of which the nearest are tried
-STROKES = 8  # combinations of strokes that pins are tuned for
+STROKES = 8  # combinations of strokes that pins are tuned for,
+LENGTHS = 3  # the best of which are drawn
 CHECKED = 5  # best combinations after a first check that are judged on the whole workspace
 LOWEST = 100  # rows on which they are compared
 RETUNED_SIZES = 3  # sizes whose pins are tuned in earnest,
@@ -51,8 +54,6 @@ TRUST, PROMISED = 0.02, 1e-5  # of searches near the optimum
 TOLERANCE = 1e-9  # of a slack
 
 SizesInRow: TypeAlias = tuple[float, ...]  # bore and rod of every cylinder [mm]
-# closed length and stroke of every cylinder [m]; None where they follow its pins
-ChosenLengths: TypeAlias = tuple[tuple[float, float] | None, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,23 +85,28 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     """The best machine near the optimum that can be written and meets every requirement.
 
     Today's if none is better, None where all fails. Where pins vary, bores and rods, the coarser
-    ones, are rounded first and the pins follow, see ``_retuned``. Where that fails, or no pin
+    ones, are rounded first and the pins follow, see ``_tuned``. Where that fails, or no pin
     varies, limits are drawn in a little, the optimum is moved inside, pins are rounded, strokes
     made to cover the joint ranges, and of the bores and rods around it the best that pass are
     taken; if none passes, the limits are drawn in more. At last frequency is left aside, see
     ``inmost_machine``.
     """
-    search = with_lengths_on_grid(search)
-    problem = search.problem
-    tuned = [CheckedMachine.of(machine, problem) for machine in _retuned(search)]
-    allowed = [one for one in tuned if one.allowed]
-    if not allowed:
-        one = _near_sizes(search) or inmost_machine(search)
-        allowed = [one] if one else []
-    if len(allowed) > 1:  # of one alone nothing need be known
-        allowed = [max(allowed, key=lambda one: one.judged)]
-    best = allowed[0] if allowed else None
-    return or_today(best, problem) if _hardly_gained(search) else best
+    near, best = searches_on_length_grid(search), None
+    for one in near[:LENGTHS]:
+        if best and hertz(one.squared) <= best.judged:
+            break
+        best = _best_allowed([best, *_tuned(one)])
+    best = best or _near_sizes(near[0]) or inmost_machine(near[0])
+    return or_today(best, search.problem) if _hardly_gained(search) else best
+
+
+def _best_allowed(machines: Iterable[CheckedMachine | None]) -> CheckedMachine | None:
+    """The best of the machines that meet every requirement."""
+    allowed = [one for one in machines if one and one.allowed]
+    # of one alone nothing need be known
+    return (
+        max(allowed, key=lambda one: one.judged) if len(allowed) > 1 else next(iter(allowed), None)
+    )
 
 
 def or_today(best: CheckedMachine | None, problem: Problem) -> CheckedMachine | None:
@@ -111,17 +117,32 @@ def or_today(best: CheckedMachine | None, problem: Problem) -> CheckedMachine | 
     return best
 
 
-def with_lengths_on_grid(search: Search) -> Search:
-    """The search with strokes and closed lengths on its drawing grid; as it is where that is fine.
+def searches_on_length_grid(search: Search) -> list[Search]:
+    """Searches with strokes and closed lengths on the drawing grid, best first.
 
-    Of the lengths around its own, the nearest that miss no requirement which pins cannot help are
-    tried while pins follow, and the best are taken. Where these miss a requirement, all other
-    strokes around its own are tried too, each with the nearest closed lengths.
+    The search as it is where that grid is fine. Pins follow each of the nearest lengths around its
+    own. Where all of these miss a requirement, all other strokes around its own are tried too,
+    each with the nearest closed lengths.
+    """
+    possible = _with_lengths_near(search)
+    if len(possible) == 1 and possible[0] is search:
+        return possible
+    refined = _refined(possible[:STROKES])
+    if refined[0].violation > MISSED:
+        refined = _refined([*refined, *_one_of_each_strokes(possible[STROKES:])])
+    return [search.of(one.problem, one.x).look() for one in refined[:LENGTHS]]
+
+
+def _with_lengths_near(search: Search) -> list[Search]:
+    """Searches with strokes and closed lengths on the drawing grid, the nearest first.
+
+    Those that miss no requirement which pins cannot help; the search as it is where that grid is
+    fine.
     """
     problem = search.problem
     moving = [i for i in problem.vector.moving if problem.vector.range_poses[i] is not None]
     if problem.grid == FINE or problem.vector.chosen_lengths or not moving:
-        return search
+        return [search]
     own = list(zip(*problem.vector.strokes(search.x), strict=True))
     options = [
         grid_lengths(problem, search.x, i) if i in moving else [None] for i in range(len(own))
@@ -133,17 +154,13 @@ def with_lengths_on_grid(search: Search) -> Search:
 
     near = sorted(itertools.product(*options), key=distance)[:COMBINATIONS]
     tried = [search.of(problem.with_lengths(lengths), search.x) for lengths in near]
-    possible = [one for one in tried if _may_follow(one)] or tried[:1]
-    best = _best_refined(possible[:STROKES])
-    if best.violation > MISSED:
-        best = _best_refined([best, *_one_of_each_strokes(possible[STROKES:])])
-    return search.of(best.problem, best.x).look()
+    return [one for one in tried if _may_follow(one)] or tried[:1]
 
 
-def _best_refined(searches: Iterable[Search]) -> Search:
-    """The best of some searches after pins have followed."""
-    refined = (one.look().refine(TRUST, PROMISED) for one in searches)
-    return max(refined, key=lambda one: one.rank)
+def _refined(searches: Iterable[Search]) -> list[Search]:
+    """Searches after pins have followed, best first."""
+    refined = [one.look().refine(TRUST, PROMISED) for one in searches]
+    return sorted(refined, key=lambda one: one.rank, reverse=True)
 
 
 def _one_of_each_strokes(searches: Iterable[Search]) -> list[Search]:
@@ -168,15 +185,21 @@ def inmost_machine(search: Search) -> CheckedMachine | None:
 
     None if it misses one even so.
     """
-    search = with_lengths_on_grid(search)
+    possible = _with_lengths_near(search)
+    nearest = [*possible[:STROKES], *_one_of_each_strokes(possible[STROKES:])]
+    machines = (_inmost(one) for one in nearest)
+    return next((machine for machine in machines if machine.allowed), None)
+
+
+def _inmost(search: Search) -> CheckedMachine:
+    """The machine near a search, with its lengths, as far inside all limits as can be."""
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
     roles = Roles((elastic.names,), ())
     x = elastic.on_grid(elastic.solve(roles), roles).x
     sizes = _options(search)[1] if problem.sizes else _on_grid(problem, x)
-    machine = CheckedMachine.of(problem.machine.replace(changes_of(problem, x, sizes, x)), problem)
-    return machine if machine.allowed else None
+    return CheckedMachine.of(problem.machine.replace(changes_of(problem, x, sizes, x)), problem)
 
 
 def nearest_misses(search: Search) -> list[Check]:
@@ -205,7 +228,7 @@ def _hardly_gained(search: Search) -> bool:
 # ----------------------------------------------------------------- sizes first, then pins for them
 
 
-def _retuned(search: Search) -> Iterator[Machine]:
+def _tuned(search: Search) -> Iterator[CheckedMachine]:
     """Machines with bores and rods on the grid and pins tuned for them, most promising first.
 
     Rounding the sizes costs almost nothing if the pins may follow. If pins and strokes on the grid
@@ -229,7 +252,7 @@ def _retuned(search: Search) -> Iterator[Machine]:
             slacks = {c.name: c.slack for c in check(machine, today, light, limits)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
             if not missed:
-                yield machine
+                yield CheckedMachine.of(machine, problem)
                 break
             reserve |= {name: 2 * reserve.get(name, 0.0) + more for name, more in missed.items()}
 

@@ -19,11 +19,12 @@ NEARBY = 0.3  # how far any entry of x may go in one round
 ROUNDS = 8
 MODES = 2  # of each row that are kept above the bound: they may come to cross
 ITERATIONS = 100
+TOLERANCE = 1e-5  # of the merit, between rounds
 FAILED = -10.0  # value of every constraint at a design that cannot be built
 
 
 @np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
-def improve_by_slsqp(search: Search, tolerance: float = 1e-5) -> Search:
+def improve_by_slsqp(search: Search) -> Search:
     """The search at the better design that lies near; itself if none is found.
 
     With the rows that are lowest there it goes on from where a round led, as long as others come
@@ -44,7 +45,7 @@ def improve_by_slsqp(search: Search, tolerance: float = 1e-5) -> Search:
         stopped = search.problem.vector.moves_within and far
         before, trial = trial.merit, trial.at(x)
         best = max(best, trial, key=lambda s: s.merit)
-        if before <= trial.merit < before + tolerance:
+        if before <= trial.merit < before + TOLERANCE:
             break
     return best
 

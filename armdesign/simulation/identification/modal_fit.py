@@ -39,6 +39,7 @@ from armdesign.simulation.identification.residual_terms import (
     evidence,
     real,
     weights_of,
+    with_known_modes,
 )
 
 # degrees of B and E beyond a sum of modes: what modes outside the band and slow leaks add
@@ -133,20 +134,61 @@ def identify_forced_response(
         >>> print(fit.natural_frequencies.round(3), fit.damping_ratios.round(3))
         [2.] [0.05]
     """
-    step, (u, y) = signals_of(part, time, excitation, response)
+    record = signals_of(part, time, excitation, response)
+    frequency, u, y = _spectra_within(band, record, modes, part)
+    noise = _variance_above(record[1][0], record[0], ABOVE * band[1])
+    return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part, noise)
+
+
+def response_by_modes(
+    fit: ModalFit, time: Array, excitation: Array, response: Array, band: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Response at the lines of another record of a motion, freed of its ends by known modes.
+
+    Args:
+        fit: modes of the motion.
+        time: evenly spaced instants (n,) [s].
+        excitation: input (n,).
+        response: output (n,).
+        band: lowest and highest frequency that counts [Hz].
+
+    Returns:
+        Lines (k,) [Hz], and the response there (k,), complex.
+
+    Raises:
+        SimulationError: the record is too short, or nothing moves.
+    """
+    modes, part = len(fit.natural_frequencies), "response"
+    frequency, u, y = _spectra_within(
+        band, signals_of(part, time, excitation, response), modes, part
+    )
+    scaled = _Scaled.of(frequency, u, y, np.ones(len(frequency)), ends=True)
+    poles = np.stack([fit.natural_frequencies / scaled.middle, fit.damping_ratios], axis=1)
+    ends = with_known_modes(scaled.lines, poles).spectra(scaled.lines, scaled.lines.s)[1]
+    return frequency, (y - ends * scaled.outputs) / u
+
+
+def _spectra_within(
+    band: tuple[float, float], record: tuple[float, list[Array]], modes: int, part: str
+) -> tuple[Array, Array, Array]:
+    """Lines [Hz] of a record within a band (k,), and its input's and output's spectra there.
+
+    Raises:
+        SimulationError: the record is too short for so many modes, or nothing moves.
+    """
+    step, (u, y) = record
     all_lines = np.fft.rfftfreq(len(y), step)
     inside = (all_lines >= band[0]) & (all_lines <= band[1])
-    noise = _variance_above(u, all_lines > ABOVE * band[1])
     u, y = (np.fft.rfft(signal)[inside] / len(y) for signal in (u, y))
     frequency = all_lines[inside]
     if len(frequency) < LEAST_EQUATIONS * _unknowns(modes) / 2:
-        fault = f"{np.size(time) * step:.3g} s are too short"
+        fault = f"{len(record[1][1]) * step:.3g} s are too short"
         raise SimulationError(part, fault, f"record {record_length(band, modes):.3g} s or more")
     if not (np.abs(u).max() > 0 and np.abs(y).max() > 0):
         raise SimulationError(
             part, "nothing moves", "raise the amplitude, or choose a cylinder that moves this mode"
         )
-    return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part, noise)
+    return frequency, u, y
 
 
 @checked
@@ -258,10 +300,8 @@ def _fit(
         part: name of the response for messages.
         input_noise: variance of the input's lines by noise.
     """
-    middle, modes = math.sqrt(frequency[0] * frequency[-1]), degrees[0] // 2
-    inputs, outputs = (math.sqrt(np.mean(np.abs(values * weight) ** 2)) for values in (u, y))
-    s = 1j * frequency / middle
-    lines = Lines(s, u / inputs, weight * y / outputs, weight, ends=degrees[2] > 0)
+    scaled, modes = _Scaled.of(frequency, u, y, weight, ends=degrees[2] > 0), degrees[0] // 2
+    lines, middle, inputs, outputs = scaled.lines, scaled.middle, scaled.inputs, scaled.outputs
     fits = answers(lines, _starts(lines, degrees))
     if input_noise > 0:
         fits += _with_input_noise(lines, fits, input_noise / inputs**2)
@@ -276,7 +316,7 @@ def _fit(
             "it is overdamped, or the amplitude too small",
         )
     likeliest = fits[int(np.argmax(weights))]
-    fitted, ends = likeliest.spectra(lines, s)
+    fitted, ends = likeliest.spectra(lines, lines.s)
     dense = np.linspace(frequency[0], frequency[-1], 800)
     scale = outputs / inputs
     magnitude = np.abs(likeliest.spectra(lines, 1j * dense / middle)[0]) * scale
@@ -296,6 +336,32 @@ def _fit(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """Spectra of about size one, and by what they are scaled.
+
+    Attributes:
+        lines: the spectra.
+        middle: middle of the band [Hz].
+        inputs: root mean square of the input.
+        outputs: root mean square of the output.
+    """
+
+    lines: Lines
+    middle: float
+    inputs: float
+    outputs: float
+
+    @classmethod
+    def of(cls, frequency: Array, u: Array, y: Array, weight: Array, ends: bool) -> _Scaled:
+        """Of spectra at lines [Hz] of some weight; whether they hold the ends of a record."""
+        middle = math.sqrt(frequency[0] * frequency[-1])
+        inputs, outputs = (math.sqrt(np.mean(np.abs(values * weight) ** 2)) for values in (u, y))
+        s = 1j * frequency / middle
+        lines = Lines(s, u / inputs, weight * y / outputs, weight, ends)
+        return cls(lines, middle, inputs, outputs)
+
+
 def _deviations(fits: list[Answer], weights: Array, apart: Array) -> tuple[Array, Array]:
     """Standard deviations of ω and ζ (m, 2): in all, and without noise.
 
@@ -309,11 +375,12 @@ def _deviations(fits: list[Answer], weights: Array, apart: Array) -> tuple[Array
     return np.sqrt(variance), np.sqrt(np.maximum(variance - of_noise, 0))
 
 
-def _variance_above(signal: Array, above: Array) -> float:
-    """Variance of a signal's spectral lines, by the median of those ``above`` what it excites.
+def _variance_above(signal: Array, step: float, frequency: float) -> float:
+    """Variance of a signal's spectral lines, by the median of those above a frequency [Hz].
 
     Hann's window keeps out what leaks there from the excitation.
     """
+    above = np.fft.rfftfreq(len(signal), step) > frequency
     window = np.hanning(len(signal))
     power = np.abs(np.fft.rfft((signal - signal.mean()) * window)[above]) ** 2
     if len(power) == 0:

@@ -28,6 +28,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import (
+    lapack,
+)  # of its small matrices numpy's own calls take several times as long
 
 from armdesign.arrays import Array
 
@@ -192,6 +195,12 @@ def answers(lines: Lines, starts: Array) -> list[Answer]:
     return likely
 
 
+def with_known_modes(lines: Lines, poles: Array) -> Answer:
+    """The likeliest answer of a few λ for modes (m, 2) that are known: ω and ζ."""
+    known = (_Regression(lines, ratio, len(poles)).answer(poles, rounds=0) for ratio in COARSE)
+    return max(known, key=evidence)
+
+
 def weights_of(fits: list[Answer]) -> Array:
     """The weight of each answer (·,), in sum one."""
     logarithms = TEMPER * np.array([one.evidence for one in fits])
@@ -238,12 +247,16 @@ def _over_ratios(lines: Lines, first: Answer, best: float) -> list[Answer]:
 
 @dataclass(frozen=True, eq=False)
 class _BestNumerators:
-    """Numerators for given poles by least squares: scaled columns, their QR, what is left."""
+    """Numerators for given poles by least squares.
 
+    Fractions of the poles; scaled columns, their Q and, in the upper triangle, R; what is left.
+    """
+
+    fractions: Array
     columns: Array
     sizes: Array
     basis: Array
-    triangle: Array
+    factors: Array
     share: Array
     left: Array
     cost: float
@@ -251,10 +264,10 @@ class _BestNumerators:
     @cached_property
     def numerators(self) -> Array:
         """Numerators for the columns scaled to size one."""
-        diagonal = np.diag(self.triangle)
+        triangle, each = self.factors.copy(), np.arange(len(self.factors))
         # columns that nearly coincide
-        repaired = self.triangle + np.diag(1e-13 * (np.abs(diagonal) < 1e-13))
-        return np.linalg.solve(repaired, self.share)
+        triangle[each, each] += 1e-13 * (np.abs(triangle[each, each]) < 1e-13)
+        return np.asarray(lapack.dtrtrs(triangle, self.share)[0])
 
 
 class _Regression:
@@ -289,11 +302,12 @@ class _Regression:
         columns = (q[:, :, None] * self.lines.inputs[:, None, :]).reshape(len(q), -1)
         rows = real(columns)
         sizes = np.sqrt(np.einsum("ij,ij->j", rows, rows))
-        basis, triangle = np.linalg.qr(self.white(rows / sizes))
+        factors, reflectors, *_ = lapack.dgeqrf(self.white(rows / sizes))
+        basis, factors = lapack.dorgqr(factors, reflectors)[0], factors[: len(sizes)]
         share = basis.T @ self.y
         left = self.y - basis @ share
         return _BestNumerators(
-            columns / sizes, sizes, basis, triangle, share, left, float(left @ left)
+            q, columns / sizes, sizes, basis, factors, share, left, float(left @ left)
         )
 
     def slopes(self, poles: Array, now: _BestNumerators) -> Array:
@@ -301,7 +315,7 @@ class _Regression:
 
         Columns (2k, 2m): ω and ζ of the first pole, of the second, …
         """
-        s, q = self.lines.s[:, None], _fractions(poles, self.lines.s)
+        s, q = self.lines.s[:, None], now.fractions
         part = (now.columns * now.numerators).reshape(*q.shape, -1).sum(axis=2) * q
         omega, zeta = poles.T
         both = np.stack([-2 * (zeta * s + omega) * part, -2 * omega * s * part], axis=2)
@@ -323,7 +337,7 @@ class _Regression:
             normal, gradient = slopes.T @ slopes, slopes.T @ now.left
             before = now.cost
             for _ in range(TRIALS):
-                step = np.linalg.solve(normal + damping * np.eye(len(normal)), gradient)
+                _, step, _ = lapack.dposv(normal + damping * np.eye(len(normal)), gradient)
                 if gradient @ step < CONVERGED * before:
                     return self._with_covariance(poles, now)
                 step = (step / scale).reshape(-1, 2)
@@ -371,7 +385,7 @@ class _Regression:
         of_neighbour = of_neighbour * self.lines.typical * np.linalg.norm(self.lines.u)
         of_modes = np.full(self.modes * each, np.linalg.norm(self.lines.observed))
         prior = np.concatenate([of_modes, np.tile(of_neighbour, poles - self.modes)])
-        linear = np.linalg.svd(now.triangle * prior, compute_uv=False) ** 2 / variance
+        linear = np.linalg.svd(np.triu(now.factors) * prior, compute_uv=False) ** 2 / variance
         other = np.linalg.svd(slopes, compute_uv=False) ** 2 / (2 * variance)
         determinants = self.inflation + np.log1p(linear).sum() + np.log1p(other).sum()
         size = math.sqrt(variance * self.ratio) / self.lines.typical

@@ -57,7 +57,7 @@ def _row(periods: float, zeta: float) -> dict[str, float]:
     sweep = SweptSine(amplitude=1.0, start=BAND[0], stop=BAND[1], duration=periods)
     command = np.array([sweep(t) for t in time])
     position, speed = _answer(zeta, time, command)
-    peaks = [_peak(time, answer) for answer in (speed, position)]
+    peaks = [_peak(answer) for answer in (speed, position)]
     fitted = float(identify_forced_response(time, command, speed, BAND).natural_frequencies[0])
     deviations = dict(
         zip(
@@ -80,6 +80,6 @@ def _answer(zeta: float, time: Array, command: Array) -> Array:
     return np.asarray(lsim(system, command, time)[1].T)
 
 
-def _peak(time: Array, answer: Array) -> float:
+def _peak(answer: Array) -> float:
     padded = np.concatenate([answer, np.zeros(PADDED * RATE - len(answer))])
     return spectral_peak(np.arange(len(padded)) / RATE, padded, BAND)

@@ -88,7 +88,7 @@ class Share:
         """Areas, dead length, buckling, moment arms and loads."""
         limits, (cap, annulus) = self.limits, self.volume
         for side, volume in enumerate(self.volume):
-            low, high = limits.area[:, side] / self.most[side]
+            low, high = limits.areas.ends[:, side] / self.most[side]
             self.model.addCons(volume >= low * self.stroke)
             if np.isfinite(high):
                 self.model.addCons(volume <= high * self.stroke)

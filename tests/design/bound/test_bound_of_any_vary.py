@@ -131,7 +131,7 @@ def test_no_design_exceeds_the_bound_whatever_varies(vary: tuple[str, ...]) -> N
 
 @pytest.mark.usefixtures("few_cells")
 @pytest.mark.parametrize(
-    "name", [*ODD[:2], *(pytest.param(name, marks=pytest.mark.slow) for name in ODD[2:])]
+    "name", [*ODD[:1], *(pytest.param(name, marks=pytest.mark.slow) for name in ODD[1:])]
 )
 @pytest.mark.parametrize("vary", MIXED, ids="+".join)
 def test_no_design_of_odd_machines_exceeds_the_bound(name: str, vary: tuple[str, ...]) -> None:

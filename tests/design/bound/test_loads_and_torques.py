@@ -59,7 +59,7 @@ def let_pass(problem: Problem, i: int, x: np.ndarray) -> bool:
     box = np.append(coordinates(problem, i, limits.shape, x), areas * stroke)[None]
     # coordinates are what the design is made from, but for rounding
     width = 1e-9 * np.abs(box)
-    return len(limits.allowed(box - width, box + width)[0]) > 0
+    return len(limits.allowed(box - width, box + width).kept) > 0
 
 
 def of_cylinder(problem: Problem, x: np.ndarray, i: int, names: tuple[str, ...]) -> float:

@@ -14,10 +14,15 @@ from hypothesis import strategies as st
 import armdesign as ad
 from armdesign.design.bound import outward, regions
 from armdesign.design.bound.certificate import upper_bound
+from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.intervals import Interval, Outward
 from armdesign.design.bound.outward import Proof, certified, most_of
+from armdesign.design.catalogue.alternation import with_sizes
+from armdesign.design.catalogue.sizes import BUILDABLE
+from armdesign.design.program.constraints import constraints_at
 from armdesign.frequency.modes import hertz
 from tests.design.bound.library_intervals import ByLibrary
+from tests.design.bound.test_catalogue_sizes import drawn_designs, two_cylinders
 from tests.design.designs import problem_of, solved
 
 NEAR = 1e-13  # of a result or of what it is the difference of: some units in the last place
@@ -58,7 +63,9 @@ def test_what_is_made_with_one_outward_is_one() -> None:
 
 @cache
 def proofs_of(name: str) -> tuple[Proof, ...]:
-    """What the bound of a small problem or of a shipped machine's sizes and pins rests on."""
+    """What the bound of a small problem, or of a shipped machine, rests on: pins and any areas,
+    or areas of a catalogue.
+    """
     kept: list[Proof] = []
 
     def noted(proof: Proof) -> float:
@@ -67,11 +74,16 @@ def proofs_of(name: str) -> tuple[Proof, ...]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(regions, "certified", noted)
-        if name in ("double", "yielding", "sprung"):
+        if name == "catalogue":
+            problem, sizes = two_cylinders()
+            free = solved(replace(problem, grid=replace(BUILDABLE, sizes=())), 1e-5)
+            search = with_sizes(free, sizes)
+            bound = upper_bound(problem, search.x, search.rows)
+        elif name in ("double", "yielding", "sprung"):
             search = solved(problem_of(name), 1e-6)
             bound = upper_bound(search.problem, search.x, search.rows)
         else:
-            bound = ad.optimize(ad.load(name), starts=1, catalogue="free").certificate
+            bound = ad.optimize(ad.load(name), starts=1).certificate
     assert bound is not None
     assert kept
     best = max(certified(proof) for proof in kept)
@@ -79,7 +91,7 @@ def proofs_of(name: str) -> tuple[Proof, ...]:
     return tuple(kept)
 
 
-SLOW = ("double", "sprung", "excavator_20t", "loader_crane", "paper_1dof")
+SLOW = ("double", "sprung", "catalogue", "excavator_20t", "loader_crane", "paper_1dof")
 
 
 @pytest.mark.parametrize(
@@ -105,6 +117,32 @@ def test_the_library_proves_no_more(name: str, monkeypatch: pytest.MonkeyPatch) 
         finite = np.isfinite(library)
         assert np.all(ours[finite] - library[finite] <= 1e-9 * scale)
         assert most_of(term, most) <= most.upper + 1e-9 * scale
+
+
+@pytest.mark.slow
+def test_cells_cover_every_allowed_design_of_a_catalogue() -> None:
+    """What meets its own requirements, with areas of one pair, lies in a cell of every drive."""
+    problem, sizes = two_cylinders()
+    proofs, count = proofs_of("catalogue"), 0
+    for x in drawn_designs(problem, sizes, 150, 2):
+        at = constraints_at(problem, x)
+        for k, drive in enumerate(proofs[0].dual.drives):
+            i = drive.cylinder
+            name = problem.machine.cylinders[i].name
+            own = np.array([one.endswith(f".{name}") for one in at.names])
+            if at.values[own].min() < 0:
+                continue
+            here = coordinates(problem, i, drive.shape, x)
+            place = np.append(here, problem.vector.areas(x)[i])
+            leaves = [proof.maxima[k].leaves for proof in proofs]
+            slack = 1e-9 * np.abs(place)
+            inside = [
+                np.all((a - slack <= place) & (place <= b + slack), axis=1).any()
+                for a, b in leaves
+            ]
+            assert any(inside)
+            count += 1
+    assert count > 20
 
 
 def test_a_share_that_is_stated_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:

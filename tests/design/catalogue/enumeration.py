@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +35,7 @@ def enumerated(
     machine: Machine,
     workspace: Workspace,
     limits: Requirements,
-    sizes: list[tuple[float, float]],
+    sizes: Iterable[tuple[float, float]],
     share: bool = False,
     stoutness: float = 0.0,
 ) -> float:

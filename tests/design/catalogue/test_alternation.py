@@ -228,13 +228,11 @@ def test_the_conflict_of_a_catalogue_against_enumeration(seed: int) -> None:
     limits = Requirements(
         oil_total_share=oil, oil_each_share=each, thrust_share=thrust, holding_share=0.5
     )
-    pairs = itertools.product(sizes, repeat=2)
-    pairs_of_cylinders = [
-        tuple(sized(c, *s) for c, s in zip(machine.cylinders, pair, strict=True)) for pair in pairs
+    pairs = [
+        [sized(c, *size) for c, size in zip(machine.cylinders, pair, strict=True)]
+        for pair in itertools.product(sizes, repeat=2)
     ]
-    areas = np.array(
-        [[[c.bore_area, c.annulus_area] for c in cylinders] for cylinders in pairs_of_cylinders]
-    )
+    areas = np.array([[[c.bore_area, c.annulus_area] for c in pair] for pair in pairs])
     names, slack = slacks(machine, areas, machine, space, limits, static_loads(machine, space))
     try:
         allowed_sizes(machine, machine, space, limits, sizes)
@@ -279,7 +277,7 @@ def test_what_no_pins_meet_either_is_a_conflict() -> None:
     assert "cylinder_mass" in [c.name for c in error.value.conflict]
 
 
-def test_catalogue_needs_sizes_that_vary_and_forces_that_do_not_hang_on_them() -> None:
+def test_catalogue_needs_sizes_that_vary_and_forces_that_do_not_depend_on_them() -> None:
     with pytest.raises(ArmDesignError, match='add "areas"'):
         ad.optimize(double(), workspace_of("double"), vary=("pins",), catalogue="iso")
     machine = named("redundant")

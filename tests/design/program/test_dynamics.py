@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.dynamics import EXACT, lowest
 from armdesign.design.program.problem import Problem
 from tests.checks import assert_same
 from tests.design.by_machine import slopes, true_frequencies
@@ -39,6 +40,34 @@ def test_rows_are_the_load_cases_where_they_exist() -> None:
     # planar: the bucket's pitch is the sum of the joint angles
     tilt = np.degrees(q.sum(axis=1)) % 360
     assert np.all((tilt[held] > 119.999) & (tilt[held] < 240.001))
+
+
+@pytest.mark.parametrize("near", [1.0, 1e-2, 1e-6, 0.0])
+def test_lowest_eigenvalues_of_many_matrices(near: float) -> None:
+    """By LAPACK, also where the two lowest are equal and where a matrix is not finite."""
+    random = np.random.default_rng(1)
+    eigenvalues = random.uniform(1.0, 50.0, (2 * EXACT, 3))
+    eigenvalues[:, 1] = eigenvalues[:, 0] * (1 + near)
+    axes = np.linalg.qr(random.normal(size=(2 * EXACT, 3, 3)))[0]
+    matrices = axes @ (eigenvalues[:, :, None] * np.swapaxes(axes, 1, 2))
+    matrices[::7] *= -1
+    expected = np.linalg.eigvalsh(matrices)[:, 0]
+    matrices[3], expected[3] = np.nan, 0.0
+    actual = lowest(matrices.copy())
+    size = np.abs(eigenvalues).max(axis=1)
+    assert np.abs((actual - expected) / size).max() < 1e-7
+    assert_same(np.sort(actual)[:EXACT], np.sort(expected)[:EXACT], 1e-14)
+
+
+def test_chosen_lengths_leave_rows_and_todays_frequencies_alone() -> None:
+    """They change the strokes of x, but neither inertia nor what ω² is measured by."""
+    problem = problem_of("excavator")
+    chosen = problem.with_lengths(((1.80, 1.30), (1.75, 1.60), None))
+    assert chosen.dynamics.rows is problem.dynamics.rows
+    assert chosen.dynamics.omega_squared_scale == problem.dynamics.omega_squared_scale
+    start = problem.vector.start
+    assert chosen.vector.strokes(start)[1][0] == 1.30
+    assert np.any(chosen.dynamics.omega_squared(start) != problem.dynamics.omega_squared(start))
 
 
 @pytest.mark.slow

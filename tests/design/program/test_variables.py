@@ -181,7 +181,7 @@ def test_bound_of_a_bore_alone() -> None:
     "path",
     [
         "cylinder.boom.rod_mm",
-        "cylinder.stick.base.at_mm.0",
+        pytest.param("cylinder.stick.base.at_mm.0", marks=pytest.mark.slow),
         pytest.param("cylinder.bucket.four_bar.lug", marks=pytest.mark.slow),
     ],
 )

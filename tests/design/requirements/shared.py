@@ -20,6 +20,11 @@ from tests.reference_planar import Reference
 DEG = math.pi / 180
 PRESSURE, RETURN, FLOW = 350e5, 5e5, 429e-3 / 60  # excavator_20t's file
 FRONT = Lift(name="front", mass=2500, joints={"bucket": -120 * DEG}, reach=6.0, height=1.5)
+CHANGES: dict[str, dict[str, Any]] = {  # of one cylinder of the 20 t machine, by its name
+    "boom": {"cylinder.boom.base.at_mm": [461.5, 0, -562.5], "cylinder.boom.rod_mm": 90.0},
+    "stick": {"cylinder.stick.rod_end.at_mm": [-780.0, 0, 346.5], "cylinder.stick.bore_mm": 130.0},
+    "bucket": {"cylinder.bucket.four_bar.coupler_mm": 575.0, "cylinder.bucket.bore_mm": 115.0},
+}
 POSED = Lift(
     name="posed",
     mass=1000,

@@ -10,7 +10,7 @@ import pytest
 
 from armdesign.design.requirements.check import check
 from tests.design.designs import problem_of
-from tests.design.requirements.shared import PRESSURE, by_name, own, shipped_reference
+from tests.design.requirements.shared import CHANGES, PRESSURE, by_name, own, shipped_reference
 from tests.reference_planar import Reference
 
 
@@ -25,32 +25,20 @@ def test_moment_arm_digging_and_transmission_by_the_independent_reference(
         "excavator", moment_arm_share=1.0, transmission=math.radians(40), torque_share=0.0
     )
     today = problem.machine
-    changes = {
-        "boom": {"cylinder.boom.base.at_mm": [461.5, 0, -562.5]},
-        "stick": {
-            "cylinder.stick.rod_end.at_mm": [-780.0, 0, 346.5],
-            "cylinder.stick.bore_mm": 130.0,
-        },
-        "bucket": {"cylinder.bucket.four_bar.coupler_mm": 575.0, "cylinder.bucket.bore_mm": 115.0},
-    }[cylinder]
-    machine = today.replace(changes)
+    machine = today.replace(CHANGES[cylinder])
     new, old = Reference.load(machine.save(tmp_path / "new.toml")), shipped_reference(today)
     checks = by_name(check(machine, today, problem.workspace, problem.requirements))
     part, before = ({c.name: c for c in m.cylinders}[cylinder] for m in (new, old))
-    (q, _, arm), (_, _, arm_before) = (
-        new.joint_scan(part, old.ranges),
-        old.joint_scan(before, old.ranges),
-    )
+    scans = new.joint_scan(part, old.ranges), old.joint_scan(before, old.ranges)
+    (q, _, arm), (_, _, arm_before) = scans
     assert checks[f"moment_arm.{cylinder}"].value == pytest.approx(np.abs(arm).min(), rel=1e-3)
     assert checks[f"moment_arm.{cylinder}"].limit == pytest.approx(
         np.abs(arm_before).min(), rel=1e-3
     )
     if cylinder != "boom":
         digging = checks[f"digging.{cylinder}"]
-        torque = [
-            PRESSURE * c.bore_area * np.abs(a).max()
-            for c, a in ((part, arm), (before, arm_before))
-        ]
+        pairs = (part, arm), (before, arm_before)
+        torque = [PRESSURE * c.bore_area * np.abs(a).max() for c, a in pairs]
         assert [digging.value, digging.limit] == pytest.approx(
             [torque[0], 0.95 * torque[1]], rel=1e-3
         )

@@ -16,7 +16,7 @@ from armdesign.design.requirements.check import check
 from armdesign.mechanism.joint_ranges import over
 from tests.design.by_machine import slopes
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
-from tests.design.requirements.shared import PRESSURE, by_name, shipped_reference
+from tests.design.requirements.shared import CHANGES, PRESSURE, by_name, shipped_reference
 from tests.machines import ANY_LIFT_AND_TORQUE, ODD
 from tests.reference_planar import Reference
 
@@ -28,15 +28,7 @@ def test_torque_by_the_independent_reference(cylinder: str, tmp_path: Path) -> N
     """Planar reference: complex step of the length, 20 001 poses; a parabola through 181: 1e-5."""
     problem = problem_of("excavator", **SHARES)
     today = problem.machine
-    changes = {
-        "boom": {"cylinder.boom.base.at_mm": [461.5, 0, -562.5], "cylinder.boom.rod_mm": 90.0},
-        "stick": {
-            "cylinder.stick.rod_end.at_mm": [-780.0, 0, 346.5],
-            "cylinder.stick.bore_mm": 130.0,
-        },
-        "bucket": {"cylinder.bucket.four_bar.coupler_mm": 575.0, "cylinder.bucket.bore_mm": 115.0},
-    }[cylinder]
-    machine = today.replace(changes)
+    machine = today.replace(CHANGES[cylinder])
     new, old = Reference.load(machine.save(tmp_path / "new.toml")), shipped_reference(today)
     checks = by_name(check(machine, today, problem.workspace, problem.requirements))
     after, before = ({c.name: c for c in m.cylinders}[cylinder] for m in (new, old))
@@ -86,7 +78,7 @@ def test_torque_of_every_actuator_by_virtual_work(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["double", "odd", pytest.param("excavator", marks=pytest.mark.slow)]
+    "name", ["double", *(pytest.param(n, marks=pytest.mark.slow) for n in ("odd", "excavator"))]
 )
 def test_derivatives(name: str) -> None:
     """Every torque by every variable against central differences of the value itself."""

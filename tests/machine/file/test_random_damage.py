@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import random
 import re
-import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import armdesign as ad
 from tests import machines
+from tests.checks import no_longer_than
 from tests.machine.file.bad_files import SLOWEST, answers, assert_clear, without_visuals
 from tests.machine.file.damage import damaged_bytes
 
@@ -20,22 +18,6 @@ SMALL = ("excavator_20t", "loader_crane", "mini_excavator_2t", "patu_boom", "spa
 
 
 PER_MACHINE = 200  # times the machines: a thousand files, and a thousand URDFs
-
-
-@contextlib.contextmanager
-def no_longer_than(seconds: float) -> Iterator[None]:
-    """Break off what takes more processor time than that."""
-
-    def late(*_: object) -> None:
-        raise AssertionError(f"takes longer than {seconds} s")
-
-    before = signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, before)
 
 
 def refusal(path: Path, use: str) -> str:

@@ -13,7 +13,7 @@ from scipy.signal import StateSpace, lsim
 from armdesign import identify_forced_response, identify_frequency_response
 from armdesign.errors import SimulationError
 from armdesign.simulation.excitation import SweptSine
-from armdesign.simulation.identification.modal_fit import record_length
+from armdesign.simulation.identification.modal_fit import record_length, response_by_modes
 from tests.simulation.oscillator import answer_of, exact
 
 BAND = (0.5, 1.6)
@@ -52,6 +52,21 @@ def test_one_mode_among_others(frequency: float, zeta: float, tolerance: float) 
     fit = identify_forced_response(time, u, y, BAND)
     assert fit.natural_frequencies == pytest.approx([frequency], rel=tolerance)
     assert fit.damping_ratios == pytest.approx([zeta], abs=tolerance)
+
+
+def test_response_of_a_shorter_record_by_the_modes_of_the_whole() -> None:
+    """Cut to whole periods of its mode it has a line on the resonance. By hand the response is
+    Σ g ω²/(ω² − w² + 2jζωw).
+    """
+    modes = [(0.97, 0.01, 0.8), (2.4, 0.01, 0.15)]
+    whole = record(modes, 16)
+    fit = identify_forced_response(*whole, BAND)
+    count = round(15 / 0.97 * 200)
+    lines, response = response_by_modes(fit, *(signal[:count] for signal in whole), BAND)
+    expected = sum(g * f**2 / (f**2 - lines**2 + 2j * zeta * f * lines) for f, zeta, g in modes)
+    near = np.abs(lines / 0.97 - 1) < 0.1
+    assert np.abs(lines / 0.97 - 1).min() < 1e-3
+    np.testing.assert_allclose(response[near], expected[near], rtol=0.01)
 
 
 def test_two_modes_in_the_band() -> None:

@@ -28,7 +28,9 @@ from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
 
-SWING = 0.02  # [bar] of the load pressures in the mode at the start: valves are linear so far
+# [bar] of the load pressures in the mode at the start. Valves that pressures move much are linear
+# only so far; a slow mode must swing more than its pressures drift meanwhile.
+SWING, SLOW_SWING = 0.01, 0.02
 LEAST_PERIODS, MOST_PERIODS = 1.5, 12.0  # of the run, which ends when the swing has changed
 CHANGE = 30.0  # by this factor
 RATE, MOST_STEPS = 60.0, 200_000  # records per period, and steps
@@ -171,7 +173,8 @@ def closed_loop_run(
     loops = loop_plant(machine, machine.at(q))
     pole, right, left = _mode(machine, loops, controller, least_damped)
     arm = _arm(machine, q, loops, controller)
-    scale = SWING / np.abs(loops.load @ right[: loops.A.shape[1]]).max()
+    swing = SWING if least_damped else SLOW_SWING
+    scale = swing / np.abs(loops.load @ right[: loops.A.shape[1]]).max()
     start = arm.from_linear((right * scale).real)
     cycle = 2 * math.pi / pole.imag
     decays = math.log(CHANGE) / max(abs(pole.real) * cycle, 1e-9)

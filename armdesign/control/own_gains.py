@@ -1,0 +1,230 @@
+"""Gains of their own for each loop, searched by a compiled evolution strategy.
+
+The search of a pose begins at the best of some starts and of what its neighbours have found, and
+goes on by a (1+1)-CMA-ES (Igel, Suttorp, Hansen 2006): one random change of the logarithms of all
+gains at a time, kept where the margin holds and the loops are faster, whose size and directions
+follow those that were kept. A search finds no gains that are proven to be the largest: what it
+finds is a lower bound. It draws the same random numbers at every pose and every call.
+
+The bandwidth of a loop leaps where a dip of |T| reaches −3 dB. So that the search sees a dip come,
+the narrowest bandwidth at a lower level counts a little too.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.control.loops import HALF, LoopArguments, close_loops
+from armdesign.control.margins import exceeds
+from armdesign.simulation.plant.compiled import compiled
+
+if TYPE_CHECKING:
+    from armdesign.control.controller import Controller
+    from armdesign.control.tuning import Task
+
+LEVELS = (HALF, 0.6)  # of |T| at which bandwidths count: −3 dB, and below it
+LOWER = 0.3  # weight of the bandwidth at the lower level
+MEAN = 0.1  # weight of the mean of all loops' bandwidths beside the narrowest
+SPARE = 1.015  # of the margin, for what lies between the frequencies of a grid
+SHARES = (1.0, 0.8, 0.6, 0.4)  # of a start's position gains, of which the first may hold
+STEP, LEAST_STEP = 0.25, 1e-3  # at the start of a search and at its end, of logarithms
+MOST = math.log(3.0)  # κ and η: beyond, a loop may be unstable above all frequencies of a grid
+HOT = 6  # frequencies that missed the margin last: looked at first
+NEIGHBOURS = 4
+GOAL, SMOOTH = 2 / 11, 1 / 12  # share of successes that keeps the step; of the newest in the mean
+OFTEN = 0.44  # share of successes from which a step is taken to be too small, not badly turned
+
+
+class _Search(NamedTuple):
+    """Loops whose gains are searched, and room for one frequency of them."""
+
+    loops: LoopArguments
+    omega: Array  # (n, f)
+    units: Array  # gains of κ = 1 and η = 1 (n, nq + nc)
+    limit: float  # of μ(½(S − T))
+    hot: Array  # places of frequencies (HOT,)
+    opened: Array
+    S_c: Array
+    closed: Array
+    S: Array
+
+    @classmethod
+    def of(cls, task: Task) -> _Search:
+        args = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
+        gains, pressure = args.gains.copy(), args.pressure_gains.copy()
+        nq, nc = gains.shape[1], pressure.shape[1]
+        room = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
+        limit, hot = 1 / (SPARE * task.aim.margin), np.zeros(HOT, dtype=int)
+        args = args._replace(gains=gains, pressure_gains=pressure)
+        both = np.concatenate([gains, pressure], axis=1)
+        return cls(args, task.loops.omega, both, limit, hot, *room)
+
+
+class OwnGains:
+    """Gains of their own at n poses, as they are found.
+
+    Attributes:
+        x: logarithms of κ and η (n, nq + nc).
+        scores: how wide the loops are (n,); −∞ where no gains are known.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._search = _Search.of(task)
+        n, gains = self._search.units.shape
+        self.x, self.scores = np.zeros((n, gains)), np.full(n, -np.inf)
+
+    def improve(self, rows: Array, starts: Array, near: Array, noise: Array) -> None:
+        """Search at poses in turn, from the best of what is known there, next to it, or given.
+
+        Args:
+            rows: indices of the poses.
+            starts: logarithms of gains that each pose tries (n, m, nq + nc).
+            near: indices of the poses next to each (n, k).
+            noise: random changes (tries, nq + nc).
+        """
+        _improve(self._search, rows, starts, near, noise, self.x, self.scores)
+
+    def controller(self, task: Task) -> Controller:
+        """The controllers found (n); gains 0 where none are."""
+        gains = np.where(np.isfinite(self.scores)[:, None], np.exp(self.x), 0.0)
+        nq = task.plant.joints
+        return task.controller(gains[:, :nq], gains[:, nq:])
+
+
+def neighbours(q: Array) -> Array:
+    """The poses next to each pose (n, k), by shares of the ranges of all."""
+    from scipy.spatial import KDTree
+
+    k = min(NEIGHBOURS, len(q) - 1)
+    if k == 0:
+        return np.zeros((len(q), 0), dtype=int)
+    even = q / np.where(np.ptp(q, axis=0) > 0, np.ptp(q, axis=0), 1.0)
+    near = KDTree(even).query(even, np.arange(1, k + 2))[1]
+    return np.ascontiguousarray(near[:, 1:])
+
+
+@compiled
+def _improve(
+    search: _Search, rows: Array, starts: Array, near: Array, noise: Array, x: Array, scores: Array
+) -> None:
+    nq = search.loops.gains.shape[1]
+    start, best_start = np.empty(x.shape[1]), np.empty(x.shape[1])
+    for pose in rows:
+        search.hot[:] = 0
+        best, best_start[:] = scores[pose], x[pose]
+        count = near.shape[1]
+        for k in range(count + starts.shape[1]):
+            if k < count and scores[near[pose, k]] == -np.inf:
+                continue
+            start[:] = x[near[pose, k]] if k < count else starts[pose, k - count]
+            for share in SHARES:
+                start[:nq] += math.log(share)
+                score = _score(search, pose, start, best)
+                if score > -np.inf:
+                    break
+                start[:nq] -= math.log(share)
+            if score > best:
+                best, best_start[:] = score, start
+        if best > -np.inf:
+            scores[pose] = _evolve(search, pose, best_start, best, noise)
+            x[pose] = best_start
+
+
+@compiled
+def _evolve(search: _Search, pose: int, x: Array, best: float, noise: Array) -> float:
+    """Score of the best logarithms of gains near x, which takes their place; (1+1)-CMA-ES."""
+    n = len(x)
+    damping, path_rate, rate = 1 + n / 2, 2 / (n + 2), 2 / (n**2 + 6)
+    step, success, path = STEP, GOAL, np.zeros(n)
+    covariance: Array = np.eye(n)
+    turned: Array = np.eye(n)
+    for number in range(len(noise)):
+        change = turned @ noise[number]
+        trial = x + step * change
+        score = _score(search, pose, trial, best)
+        success = (1 - SMOOTH) * success + (SMOOTH if score > best else 0.0)
+        step *= math.exp((success - GOAL) / (1 - GOAL) / damping)
+        if score > best:
+            best, x[:] = score, trial
+            path = (1 - path_rate) * path
+            keep = 1 - rate
+            if success < OFTEN:
+                path += math.sqrt(path_rate * (2 - path_rate)) * change
+            else:
+                keep += rate * path_rate * (2 - path_rate)
+            covariance = keep * covariance + rate * np.outer(path, path)
+            turned = np.linalg.cholesky(covariance)
+        if step < LEAST_STEP:
+            break
+    return best
+
+
+@compiled
+def _score(search: _Search, pose: int, x: Array, best: float) -> float:
+    """How wide the loops are with gains of logarithms x.
+
+    −∞ where that is not more than the best, or the margin does not hold.
+    """
+    if x.max() > MOST:
+        return -np.inf
+    _set_gains(search, pose, x)
+    for turn in range(HOT):
+        if _misses(search, pose, search.hot[turn]):
+            _remember(search.hot, turn)
+            return -np.inf
+    score, count = np.inf, search.omega.shape[1]
+    last, widths = np.ones(len(search.S)), np.zeros((len(LEVELS), len(search.S)))
+    for f in range(count):
+        if _misses(search, pose, f):
+            search.hot[-1] = f
+            _remember(search.hot, HOT - 1)
+            return -np.inf
+        if score == np.inf:
+            for i in range(len(search.S)):
+                size, before = abs(0.5 - search.S[i, i]), search.omega[pose, max(f - 1, 0)]
+                for level in range(len(LEVELS)):
+                    if widths[level, i] == 0.0 and size < LEVELS[level]:
+                        share = math.log(last[i] / LEVELS[level]) / math.log(last[i] / size)
+                        widths[level, i] = before * (search.omega[pose, f] / before) ** share
+                last[i] = size
+            if f == count - 1 or widths.min() > 0.0:  # the rest is but for the margin
+                logs = np.log(np.where(widths > 0, widths, search.omega[pose, -1]))
+                score = logs[0].min() + LOWER * logs[1].min() + MEAN * logs[0].mean()
+                if score <= best:
+                    return -np.inf
+    return score
+
+
+@compiled
+def _set_gains(search: _Search, pose: int, x: Array) -> None:
+    nq = search.loops.gains.shape[1]
+    for i in range(len(x)):
+        gain = search.units[pose, i] * math.exp(x[i])
+        if i < nq:
+            search.loops.gains[pose, i] = gain
+        else:
+            search.loops.pressure_gains[pose, i - nq] = gain
+
+
+@compiled
+def _remember(hot: Array, turn: int) -> None:
+    """Move a frequency to the front of those that missed last."""
+    for k in range(turn, 0, -1):
+        hot[k], hot[k - 1] = hot[k - 1], hot[k]
+
+
+@compiled
+def _misses(search: _Search, pose: int, f: int) -> bool:
+    """Whether the margin is missed at a frequency; S − ½ is in ``search.S`` where it holds."""
+    close_loops(search.loops, pose, f, search.opened, search.S_c, search.closed, search.S)
+    for i in range(len(search.S_c)):
+        search.S_c[i, i] -= 0.5
+    for i in range(len(search.S)):
+        search.S[i, i] -= 0.5
+    return exceeds(search.S_c, search.limit, search.opened) or exceeds(
+        search.S, search.limit, search.closed
+    )
