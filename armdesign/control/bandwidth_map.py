@@ -159,11 +159,12 @@ def bandwidth_map(
         >>> machine = ad.load("paper_1dof")
         >>> workspace = ad.Workspace.grid(machine, points=3)
         >>> bandwidths = ad.bandwidth_map(machine, workspace, damping=0.02)
-        >>> print(bandwidths.frame[["boom", "f1_hz", "own_hz"]].round(2).to_string(index=False))
-         boom  f1_hz  own_hz
-        -0.82   7.45    5.47
-        -0.08  10.40    7.57
-         0.65  16.63   11.93
+        >>> columns = ["boom", "f1_hz", "merritt_hz", "damped_hz"]
+        >>> print(bandwidths.frame[columns].round(2).to_string(index=False))
+         boom  f1_hz  merritt_hz  damped_hz
+        -0.82   7.45        0.30       5.47
+        -0.08  10.40        0.42       7.57
+         0.65  16.63        0.67      11.93
     """
     options = ControlOptions(
         damping=damping,

@@ -30,7 +30,11 @@ from armdesign.design.search.file_changes import (
     neighbours,
     pin_changes,
 )
-from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
+from armdesign.design.search.infeasibility.elastic_programme import (
+    ElasticProgramme,
+    ElasticSolution,
+    Roles,
+)
 from armdesign.design.search.pin_grid import with_pins_on_grid
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.frequency.modes import hertz
@@ -183,21 +187,41 @@ def _may_follow(search: Search) -> bool:
 def inmost_machine(search: Search) -> CheckedMachine | None:
     """A machine near a search as far inside all limits as can be, sizes on the grid.
 
-    None if it misses one even so.
+    None if it misses one even so. Lengths on the drawing grid are tried in turn, where any do.
     """
+    if _inmost(search) is None:
+        return None
     possible = _with_lengths_near(search)
     nearest = [*possible[:STROKES], *_one_of_each_strokes(possible[STROKES:])]
-    machines = (_inmost(one) for one in nearest)
+    machines = (_on_sizes_grid(one, inmost) for one in nearest if (inmost := _inmost(one)))
     return next((machine for machine in machines if machine.allowed), None)
 
 
-def _inmost(search: Search) -> CheckedMachine:
-    """The machine near a search, with its lengths, as far inside all limits as can be."""
+@dataclass(frozen=True, eq=False)
+class _Inmost:
+    """A design as far inside all limits as can be, and the programme that it solves."""
+
+    elastic: ElasticProgramme
+    roles: Roles
+    solution: ElasticSolution
+
+
+def _inmost(search: Search) -> _Inmost | None:
+    """The inmost design near a search, with its lengths; None where it misses a requirement."""
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
     roles = Roles((elastic.names,), ())
-    x = elastic.on_grid(elastic.solve(roles), roles).x
+    solution = elastic.solve(roles)
+    if ElasticProgramme(problem, solution.x, elastic.holding).violated(solution.x):
+        return None
+    return _Inmost(elastic, roles, solution)
+
+
+def _on_sizes_grid(search: Search, inmost: _Inmost) -> CheckedMachine:
+    """The machine of an inmost design with sizes, and pins, on the grid."""
+    problem = search.problem
+    x = inmost.elastic.on_grid(inmost.solution, inmost.roles).x
     sizes = _options(search)[1] if problem.sizes else _on_grid(problem, x)
     return CheckedMachine.of(problem.machine.replace(changes_of(problem, x, sizes, x)), problem)
 
