@@ -11,8 +11,9 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.catalogue.branch_and_bound import SizeSelection, select
 from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
-from armdesign.design.catalogue.sizes import Sizes, offered
+from armdesign.design.catalogue.sizes import Sizes, offered, size_in_mm
 from armdesign.design.program.problem import Problem
+from armdesign.design.search.file_changes import changes_of_sizes
 from armdesign.design.search.infeasibility.elastic_programme import ROUGH
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
@@ -21,6 +22,7 @@ from armdesign.design.search.rounding import CheckedMachine, or_today, rounded_m
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.modes import hertz
+from armdesign.machine.machine import Machine
 
 DRAWN = 6  # combinations of sizes that are drawn
 TURNS = 5  # of choosing sizes for pins and pins for sizes
@@ -81,7 +83,8 @@ def sizes_and_pins(
 
     Of the combinations of sizes that were tried, some leave little room for lengths on the
     drawing's grid: the one that is best when drawn is taken. Today's machine is the answer where
-    it has sizes of the catalogue and none is better.
+    it has sizes of the catalogue and none is better; today's pins with the best sizes for them
+    where these are.
 
     Where no design was found that meets all requirements, with free sizes or without, the search
     misses some: their relaxation is then sought with sizes of the catalogue, which need more than
@@ -93,19 +96,43 @@ def sizes_and_pins(
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
     best = restore_feasibility(best)
+    unmoved = _of_todays_pins(problem, sizes)
     if best.violation <= MISSED:
         tried = Tried()
         with_sizes(best, sizes, start, tried)
         if tried.allowed:
             sized, machine = _best_drawn(tried.allowed)
+            machine = _better(machine, unmoved and unmoved[1])
             own = tuple((cylinder.bore, cylinder.rod) for cylinder in problem.machine.cylinders)
             if _in_catalogue(problem, own, sizes):
                 machine = or_today(machine, problem)
             return sized, outcomes, machine
+    if unmoved and unmoved[0].violation <= MISSED:
+        return unmoved[0], outcomes, unmoved[1]
     nearest = _missing_least(best, sizes)
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
     return nearest, outcomes, None
+
+
+def _of_todays_pins(problem: Problem, sizes: Sizes) -> tuple[Search, CheckedMachine] | None:
+    """Today's machine, nothing moved, with its best sizes; None where no sizes are allowed."""
+    try:
+        best_sizes = _selected(problem, problem.machine, sizes, TOLERANCE)
+    except InfeasibleError:
+        return None
+    search = _search_with(problem, problem.vector.start, best_sizes.sizes)
+    in_mm = [size_in_mm(size) for pair in best_sizes.sizes for size in pair]
+    changes = changes_of_sizes(problem, in_mm, search.x)
+    machine = CheckedMachine.of(problem.machine.replace(changes), problem)
+    return (search.look(), machine) if machine.allowed else None
+
+
+def _better(one: CheckedMachine | None, other: CheckedMachine | None) -> CheckedMachine | None:
+    """The better of two machines, of equals the first; None where there is none."""
+    if one and other:
+        return other if other.judged > one.judged else one
+    return one or other
 
 
 def _best_drawn(searches: list[Search]) -> tuple[Search, CheckedMachine | None]:
@@ -262,14 +289,20 @@ def _alternate(search: Search, sizes: Sizes, tried: Tried) -> Search:
 
 def _best_sizes(problem: Problem, x: Array, sizes: Sizes) -> SizeSelection:
     """The best sizes for the pins of x."""
+    tolerance = MISSED if problem.vector.moving else TOLERANCE
+    return _selected(problem, problem.vector.with_pins(x), sizes, tolerance)
+
+
+def _selected(problem: Problem, placed: Machine, sizes: Sizes, tolerance: float) -> SizeSelection:
+    """The best sizes for the pins and lengths of a machine."""
     allowed = allowed_sizes(
-        problem.vector.with_pins(x),
+        placed,
         problem.machine,
         problem.workspace,
         problem.requirements,
         sizes,
         proportional=problem.dynamics.corners.proportional,
-        tolerance=MISSED if problem.vector.moving else TOLERANCE,
+        tolerance=tolerance,
         free=problem.vector.resized,
     )
     return select(allowed, problem.dynamics.corners)

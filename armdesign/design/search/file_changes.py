@@ -112,6 +112,11 @@ def changes_of(
     return _with_masses(problem, changes)
 
 
+def changes_of_sizes(problem: Problem, sizes: Sequence[float], x: Array) -> dict[str, Any]:
+    """All changes that bores and rods in a row [mm] make where no pin moves, as ``changes_of``."""
+    return _with_masses(problem, _size_changes(problem, sizes, x))
+
+
 def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
     """Rounded pins and bars, with strokes and closed lengths that cover the joint ranges."""
     changes: dict[str, Any] = {}
