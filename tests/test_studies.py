@@ -237,7 +237,7 @@ def test_bandwidth_finds_its_headline() -> None:
     module = study("14_bandwidth")
     words = module.__doc__ or ""
     new, today, without = (float(x) for x in re.findall(r"([\d.]+) Hz", words))
-    shares = re.findall(r"([\d.]+) % (?:more|higher|of the)", words)
+    shares = re.findall(r"([\d.]+) % (?:more|higher|of\s+the)", words)
     more, higher, lost, taken = (float(share) / 100 for share in shares)
     table, _ = module.run()
     common, frequency = table["with pressure feedback"], table["frequency"]
