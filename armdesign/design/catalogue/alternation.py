@@ -18,7 +18,12 @@ from armdesign.design.search.infeasibility.elastic_programme import ROUGH
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
-from armdesign.design.search.rounding import CheckedMachine, or_today, rounded_machine
+from armdesign.design.search.rounding import (
+    CheckedMachine,
+    best_allowed,
+    or_today,
+    rounded_machine,
+)
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.modes import hertz
@@ -102,7 +107,7 @@ def sizes_and_pins(
         with_sizes(best, sizes, start, tried)
         if tried.allowed:
             sized, machine = _best_drawn(tried.allowed)
-            machine = _better(machine, unmoved and unmoved[1])
+            machine = best_allowed([machine, unmoved and unmoved[1]])
             own = tuple((cylinder.bore, cylinder.rod) for cylinder in problem.machine.cylinders)
             if _in_catalogue(problem, own, sizes):
                 machine = or_today(machine, problem)
@@ -126,13 +131,6 @@ def _of_todays_pins(problem: Problem, sizes: Sizes) -> tuple[Search, CheckedMach
     changes = changes_of_sizes(problem, in_mm, search.x)
     machine = CheckedMachine.of(problem.machine.replace(changes), problem)
     return (search.look(), machine) if machine.allowed else None
-
-
-def _better(one: CheckedMachine | None, other: CheckedMachine | None) -> CheckedMachine | None:
-    """The better of two machines, of equals the first; None where there is none."""
-    if one and other:
-        return other if other.judged > one.judged else one
-    return one or other
 
 
 def _best_drawn(searches: list[Search]) -> tuple[Search, CheckedMachine | None]:

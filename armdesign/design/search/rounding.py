@@ -99,13 +99,13 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     for one in near[:LENGTHS]:
         if best and hertz(one.squared) <= best.judged:
             break
-        best = _best_allowed([best, *_tuned(one)])
+        best = best_allowed([best, *_tuned(one)])
     best = best or _near_sizes(near[0]) or inmost_machine(near[0])
     return or_today(best, search.problem) if _hardly_gained(search) else best
 
 
-def _best_allowed(machines: Iterable[CheckedMachine | None]) -> CheckedMachine | None:
-    """The best of the machines that meet every requirement."""
+def best_allowed(machines: Iterable[CheckedMachine | None]) -> CheckedMachine | None:
+    """The best of the machines that meet every requirement, of equals the first; None of none."""
     allowed = [one for one in machines if one and one.allowed]
     # of one alone nothing need be known
     return (
