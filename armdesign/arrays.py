@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[Any]  # of float, or complex where a complex step passes
+Numbers: TypeAlias = Any  # a number or an array, or an interval where a bound is proved
 Flags: TypeAlias = NDArray[np.bool_]
 T = TypeVar("T")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import joint_positions
 from armdesign.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Figure
 
 MOST = 4  # joints between which gains are linear; beyond, gains of the nearest pose
 
@@ -58,7 +61,7 @@ class GainSchedule:
             filter=self.map.options.filter,
         )
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Figure of the position gain of each loop over the joints."""
         from armdesign import plots
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Figure
 
 SMALLER = 0.99  # areas, to tell what depends on them
 BINDING = 2e-3  # a requirement with less slack than this binds
@@ -202,7 +205,7 @@ class Design:
         """The new machine with a file that says it was made by ``command``."""
         return documented(self.machine, self.problem, command)
 
-    def plot(self, plane: str = "joints") -> Any:
+    def plot(self, plane: str = "joints") -> Figure:
         """Maps before and after on one colour scale over two joints or over reach and height.
 
         Returns the figure.

@@ -37,7 +37,7 @@ from armdesign.short_repr import short_repr
 if TYPE_CHECKING:
     import pandas as pd
 
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 SETS = 24  # of so many pins that are all searched
 
@@ -67,7 +67,7 @@ class DesignStep:
         """Least gain in the worst frequency within the bands."""
         return self.design.least_gain
 
-    def plot(self, plane: str = "joints") -> Any:
+    def plot(self, plane: str = "joints") -> Figure:
         """Figure of its design: maps of today's and the new machine."""
         return self.design.plot(plane)
 

@@ -11,11 +11,11 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Numbers
 from armdesign.hydraulics.fluid import Fluid, Supply, bulk_modulus
 from armdesign.hydraulics.friction import NO_FRICTION, Friction
 from armdesign.hydraulics.oil_spring import oil_stiffness, preloaded_pressures
@@ -64,8 +64,11 @@ class Actuator(ABC):
 
     @abstractmethod
     def volumes(
-        self, extension: Any, areas: tuple[Any, Any] | None = None, stroke: Any = None
-    ) -> tuple[Any, Any]:
+        self,
+        extension: Numbers,
+        areas: tuple[Numbers, Numbers] | None = None,
+        stroke: Numbers = None,
+    ) -> tuple[Numbers, Numbers]:
         """Oil in cap and annulus chamber [m³] at an extension [m]."""
 
     def relief(self, supply: Supply) -> float:
@@ -80,8 +83,8 @@ class Actuator(ABC):
         return return_pressure if own is None else own
 
     def static_pressures(
-        self, force: Any, supply: Supply, areas: tuple[Any, Any] | None = None
-    ) -> tuple[Any, Any]:
+        self, force: Numbers, supply: Supply, areas: tuple[Numbers, Numbers] | None = None
+    ) -> tuple[Numbers, Numbers]:
         """Pressures of cap and annulus [Pa] behind a shut valve under a force [N, + pushes].
 
         Simulations start at them, ``check`` and maps name them, and the stiffness of oil with air
@@ -95,14 +98,14 @@ class Actuator(ABC):
 
     def stiffness(
         self,
-        extension: Any,
-        force: Any,
+        extension: Numbers,
+        force: Numbers,
         fluid: Fluid,
         supply: Supply,
         *,
-        areas: tuple[Any, Any] | None = None,
-        stroke: Any = None,
-    ) -> Any:
+        areas: tuple[Numbers, Numbers] | None = None,
+        stroke: Numbers = None,
+    ) -> Numbers:
         """Stiffness [N/m] of oil and compliance at an extension [m] with the valve shut.
 
         The static force [N, + pushes] counts where the oil carries air: each chamber has the bulk
@@ -118,13 +121,13 @@ class Actuator(ABC):
 
     def capacities(
         self,
-        extension: Any,
-        pressures: tuple[Any, Any],
+        extension: Numbers,
+        pressures: tuple[Numbers, Numbers],
         fluid: Fluid,
         *,
-        areas: tuple[Any, Any] | None = None,
-        stroke: Any = None,
-    ) -> tuple[Any, Any]:
+        areas: tuple[Numbers, Numbers] | None = None,
+        stroke: Numbers = None,
+    ) -> tuple[Numbers, Numbers]:
         """Capacities V/β + V_hose/β_hose of cap and annulus [m³/Pa] with the piston at a place.
 
         Args:
@@ -135,7 +138,7 @@ class Actuator(ABC):
             stroke: see the class.
         """
         cap, annulus = self.volumes(extension, areas, stroke)
-        beta: tuple[Any, Any] = (fluid.bulk_modulus, fluid.bulk_modulus)
+        beta: tuple[Numbers, Numbers] = (fluid.bulk_modulus, fluid.bulk_modulus)
         if fluid.aerated:
             at_cap, at_annulus = (
                 bulk_modulus(pressure, fluid.bulk_modulus, fluid.air) for pressure in pressures
@@ -205,8 +208,11 @@ class Cylinder(Actuator):
         return {name: mass for name, mass in masses.items() if np.any(mass != 0)}
 
     def volumes(
-        self, extension: Any, areas: tuple[Any, Any] | None = None, stroke: Any = None
-    ) -> tuple[Any, Any]:
+        self,
+        extension: Numbers,
+        areas: tuple[Numbers, Numbers] | None = None,
+        stroke: Numbers = None,
+    ) -> tuple[Numbers, Numbers]:
         """A1 s + Vd1, A2 (S − s) + Vd2 [m³] at an extension s [m]."""
         bore_area, annulus_area = areas or (self.bore_area, self.annulus_area)
         stroke = self.stroke if stroke is None else stroke
@@ -248,8 +254,11 @@ class Motor(Actuator):
         return self.bore_area
 
     def volumes(
-        self, extension: Any, areas: tuple[Any, Any] | None = None, stroke: Any = None
-    ) -> tuple[Any, Any]:
+        self,
+        extension: Numbers,
+        areas: tuple[Numbers, Numbers] | None = None,
+        stroke: Numbers = None,
+    ) -> tuple[Numbers, Numbers]:
         """Oil trapped on either side [m³], the same at every angle."""
         any_angle = 0.0 * extension
         return self.cap_dead_volume + any_angle, self.annulus_dead_volume + any_angle

@@ -7,17 +7,17 @@ holds, and play of the piston, which bends, are left out.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from armdesign.arrays import Numbers
 from armdesign.errors import ArmDesignError
 from armdesign.units import bar
 
 BARREL_STRESS = 355e6 / 1.5  # [Pa] yield strength of E355 tube (EN 10305-1) over a safety of 1.5
 
 
-def barrel_ratio(pressure: Any) -> Any:
+def barrel_ratio(pressure: Numbers) -> Numbers:
     """Outer over inner diameter of a barrel that just carries a pressure [Pa].
 
     Lamé's thick wall yields inside first, where σ_θ − σ_r = 2 p k²/(k² − 1); equal to σ =
@@ -36,7 +36,7 @@ def barrel_ratio(pressure: Any) -> Any:
     return (BARREL_STRESS / (BARREL_STRESS - 2 * pressure)) ** 0.5
 
 
-def barrel_outer(bore: Any, wall: float | None, pressure: Any) -> Any:
+def barrel_outer(bore: Numbers, wall: float | None, pressure: Numbers) -> Numbers:
     """Outer diameter of a barrel [m] with its wall [m]; None: what the pressure [Pa] needs."""
     return bore + 2 * wall if wall is not None else barrel_ratio(pressure) * bore
 
@@ -44,7 +44,7 @@ def barrel_outer(bore: Any, wall: float | None, pressure: Any) -> Any:
 STEEL_DENSITY = 7850.0  # [kg/m³]
 
 
-def estimated_mass(bore: Any, rod: Any, stroke: Any, pressure: Any) -> Any:
+def estimated_mass(bore: Numbers, rod: Numbers, stroke: Numbers, pressure: Numbers) -> Numbers:
     """Mass of one cylinder [kg]: its steel, without oil, ports and eyes.
 
     The steel is barrel, bottom, gland, piston and rod. Piston, gland and bottom are each half a
@@ -67,25 +67,27 @@ def estimated_mass(bore: Any, rod: Any, stroke: Any, pressure: Any) -> Any:
 STEEL_MODULUS = 210e9  # [Pa] Young's modulus
 
 
-def second_moment(outer: Any, inner: Any = 0.0) -> Any:
+def second_moment(outer: Numbers, inner: Numbers = 0.0) -> Numbers:
     """Second moment of area of a round bar or tube [m⁴]: π (D⁴ − d⁴)/64."""
     return math.pi * (outer**4 - inner**4) / 64
 
 
-def euler_load(inertia: Any, length: Any) -> Any:
+def euler_load(inertia: Numbers, length: Numbers) -> Numbers:
     """Buckling load of a uniform column [N]: π² E I/L²."""
     return math.pi**2 * STEEL_MODULUS * inertia / length**2
 
 
-def euler_safety(bore: Any, rod: Any, open_length: Any, supply_pressure: float) -> Any:
+def euler_safety(
+    bore: Numbers, rod: Numbers, open_length: Numbers, supply_pressure: float
+) -> Numbers:
     """Euler buckling load of the rod, L pin to pin with the rod out, over the supply's thrust."""
     thrust = supply_pressure * math.pi / 4 * bore**2
     return math.pi**2 * STEEL_MODULUS * second_moment(rod) / (open_length**2 * thrust)
 
 
 def stepped_load(
-    barrel_inertia: Any, rod_inertia: Any, barrel_length: Any, rod_length: Any
-) -> Any:
+    barrel_inertia: Numbers, rod_inertia: Numbers, barrel_length: Numbers, rod_length: Numbers
+) -> Numbers:
     """Buckling load of a column of two parts in a row [N].
 
     The smallest P with k1 cot(k1 L1) + k2 cot(k2 L2) = 0, k_i = √(P/(E I_i)): the deflections
@@ -108,7 +110,7 @@ def stepped_load(
     return load - _junction(load, *parts) / slope
 
 
-def _junction(load: Any, i1: Any, i2: Any, l1: Any, l2: Any) -> Any:
+def _junction(load: Numbers, i1: Numbers, i2: Numbers, l1: Numbers, l2: Numbers) -> Numbers:
     """Difference of the slopes of both parts where they meet, over the deflection there."""
     k1, k2 = (np.sqrt(load / (STEEL_MODULUS * inertia)) for inertia in (i1, i2))
     return k1 / np.tan(k1 * l1) + k2 / np.tan(k2 * l2)

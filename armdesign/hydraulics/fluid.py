@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from armdesign.arrays import Numbers
 from armdesign.units import ATMOSPHERE
 
 ADIABATIC = 1.4  # polytropic exponent of air that is squeezed too fast to exchange heat
@@ -30,8 +30,8 @@ class Fluid:
 
 
 def bulk_modulus(
-    pressure: Any, oil_modulus: float, air: float, exponent: float = ADIABATIC
-) -> Any:
+    pressure: Numbers, oil_modulus: float, air: float, exponent: float = ADIABATIC
+) -> Numbers:
     """Effective bulk modulus [Pa] of oil with free air at gauge ``pressure`` [Pa].
 
     β = E (1 + a (p_atm/P)^(1/n)) / (1 + a E p_atm^(1/n) / (n P^((n+1)/n))), P absolute (mixture
@@ -52,8 +52,8 @@ def bulk_modulus(
 
 
 def bulk_modulus_slope(
-    pressure: Any, oil_modulus: float, air: float, exponent: float = ADIABATIC
-) -> Any:
+    pressure: Numbers, oil_modulus: float, air: float, exponent: float = ADIABATIC
+) -> Numbers:
     """Derivative of ``bulk_modulus`` by the pressure, of the same arguments.
 
     With x = (p_atm/P)^(1/n), dx/dP = −x/(nP): of numerator 1 + a x and denominator 1 + a E x/(nP).

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+
+from armdesign.arrays import Numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +25,7 @@ class Friction:
 NO_FRICTION = Friction()
 
 
-def friction_force(friction: Friction, speed: Any) -> Any:
+def friction_force(friction: Friction, speed: Numbers) -> Numbers:
     """Friction [N] of one cylinder against the speed of its piston [m/s].
 
     F = (F_C + (F_S − F_C) exp(−(v/v_s)²)) tanh(10 v/v_s) + b v: Stribeck curve and viscous share.

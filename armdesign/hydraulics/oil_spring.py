@@ -5,20 +5,19 @@ Elementwise on arrays, and complex-safe.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from armdesign.arrays import Numbers
 from armdesign.hydraulics.fluid import Supply
 
 
 def oil_stiffness(
-    bore_area: Any,
-    annulus_area: Any,
-    cap_capacity: Any,
-    annulus_capacity: Any,
+    bore_area: Numbers,
+    annulus_area: Numbers,
+    cap_capacity: Numbers,
+    annulus_capacity: Numbers,
     compliance: float = 0.0,
-) -> Any:
+) -> Numbers:
     """Stiffness of two trapped chambers [N/m]: k = A1²/C1 + A2²/C2, in series with a compliance.
 
     Without hoses C = V/β, which gives k_h = β (A1²/V1 + A2²/V2) (Pencelli et al. 2019, eq. 12
@@ -39,8 +38,8 @@ BELOW_RELIEF = 0.95  # of the relief pressure: no preload presses the loaded cha
 
 
 def static_pressures(
-    force: Any, bore_area: Any, annulus_area: Any, return_pressure: Any
-) -> tuple[Any, Any]:
+    force: Numbers, bore_area: Numbers, annulus_area: Numbers, return_pressure: Numbers
+) -> tuple[Numbers, Numbers]:
     """Pressures of cap and annulus [Pa] under a static force [N, + pushes]: F = A1 p1 − A2 p2.
 
     One chamber carries the load, the other stands at return pressure.
@@ -52,13 +51,13 @@ def static_pressures(
 
 
 def preloaded_pressures(
-    force: Any,
-    bore_area: Any,
-    annulus_area: Any,
-    preload: Any,
+    force: Numbers,
+    bore_area: Numbers,
+    annulus_area: Numbers,
+    preload: Numbers,
     return_pressure: float,
     relief: float,
-) -> tuple[Any, Any]:
+) -> tuple[Numbers, Numbers]:
     """Pressures of cap and annulus [Pa] with the chamber without load at a ``preload`` [Pa].
 
     Where that would press the loaded chamber against its ``relief`` [Pa], the preload is reduced
@@ -76,7 +75,9 @@ def preloaded_pressures(
     return static_pressures(force, bore_area, annulus_area, lower)
 
 
-def holding_force(bore_area: Any, annulus_area: Any, supply: Supply, pushes: Any) -> Any:
+def holding_force(
+    bore_area: Numbers, annulus_area: Numbers, supply: Supply, pushes: Numbers
+) -> Numbers:
     """Largest static force [N] of supply against return pressure, pushing or pulling."""
     push = supply.pressure * bore_area - supply.return_pressure * annulus_area
     pull = supply.pressure * annulus_area - supply.return_pressure * bore_area

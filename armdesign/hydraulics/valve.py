@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+
+from armdesign.arrays import Numbers
 
 LAMINAR_DROP = 0.5e5  # [Pa] below about this drop the flow through a metering edge is laminar
 RELIEF_SHARE = 1.1  # of the supply pressure, where port reliefs open
@@ -88,23 +90,23 @@ class LoadHolding:
     rated_drop: float
 
 
-def edge_opening(spool: Any, overlap: Any) -> Any:
+def edge_opening(spool: Numbers, overlap: Numbers) -> Numbers:
     """Opening 0…1 of an edge that a positive spool position uncovers."""
     return np.minimum(np.maximum((spool - overlap) / (1 - overlap), 0.0), 1.0)
 
 
-def edge_opening_slope(spool: Any, overlap: Any) -> Any:
+def edge_opening_slope(spool: Numbers, overlap: Numbers) -> Numbers:
     """Derivative of ``edge_opening`` by the spool position; at a corner the mean of both sides."""
     share = (spool - overlap) / (1 - overlap)
     return np.heaviside(share, 0.5) * np.heaviside(1 - share, 0.5) / (1 - overlap)
 
 
-def opening(valve: Valve, spool: Any) -> Any:
+def opening(valve: Valve, spool: Numbers) -> Numbers:
     """Net opening −1…1 of a port: to supply less to return; 0 within the overlap."""
     return edge_opening(spool, valve.overlap) - edge_opening(-spool, valve.overlap)
 
 
-def spool_position(valve: Valve, share: Any) -> Any:
+def spool_position(valve: Valve, share: Numbers) -> Numbers:
     """Spool position that opens a share −1…1, the inverse of ``opening``.
 
     It leaps over an overlap. Within an underlap o both edges of a port are open, so the net
@@ -116,7 +118,7 @@ def spool_position(valve: Valve, share: Any) -> Any:
     return ((share > 0) * 1.0 - (share < 0) * 1.0) * size
 
 
-def orifice_flow(gain: Any, drop: Any) -> Any:
+def orifice_flow(gain: Numbers, drop: Numbers) -> Numbers:
     """Flow [m³/s] through an orifice under a pressure drop [Pa] of either sign.
 
     Q = K Δp/(Δp² + Δp_lam²)^¼ with the gain K [m³/s/√Pa]: K √|Δp| sign Δp (Merritt 1967, ch. 3),
@@ -125,25 +127,27 @@ def orifice_flow(gain: Any, drop: Any) -> Any:
     return gain * drop / np.sqrt(np.sqrt(drop * drop + LAMINAR_DROP * LAMINAR_DROP))
 
 
-def orifice_slope(drop: Any) -> Any:
+def orifice_slope(drop: Numbers) -> Numbers:
     """Derivative of ``orifice_flow`` by the pressure drop, for a gain of 1 [√Pa/Pa]."""
     squared = drop * drop + LAMINAR_DROP * LAMINAR_DROP
     return (1 - drop * drop / (2 * squared)) / np.sqrt(np.sqrt(squared))
 
 
-def in_series(gain: Any, other: Any) -> Any:
+def in_series(gain: Numbers, other: Numbers) -> Numbers:
     """Gain of two orifices in series: 1/K² = 1/K1² + 1/K2²; ``other`` may be inf."""
     return gain / np.sqrt(1 + (gain / np.maximum(other, 1e-30)) ** 2)
 
 
-def in_series_slopes(gain: Any, other: Any) -> tuple[Any, Any]:
+def in_series_slopes(gain: Numbers, other: Numbers) -> tuple[Numbers, Numbers]:
     """Derivatives of ``in_series`` by both gains."""
     ratio = gain / np.maximum(other, 1e-30)
     least = (1 + ratio**2) ** -1.5
     return least, np.where(other > 1e-30, (ratio / np.sqrt(1 + ratio**2)) ** 3, 0.0)
 
 
-def spool_acceleration(valve: Valve, position: Any, speed: Any, command: Any) -> Any:
+def spool_acceleration(
+    valve: Valve, position: Numbers, speed: Numbers, command: Numbers
+) -> Numbers:
     """Acceleration [1/s²] of a spool towards its command: ω² (u − x) − 2 ζ ω ẋ.
 
     Written as 2 ζ ω (w − ẋ), the spool follows the speed w = ω (u − x)/(2 ζ) with a lag, and w is

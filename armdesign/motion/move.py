@@ -21,6 +21,8 @@ from armdesign.units import deg, l_per_min, mm
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Figure
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Move(ReadOnly):
@@ -115,7 +117,7 @@ class Move(ReadOnly):
             rows.append(row)
         return pd.DataFrame(rows)
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Draw commands, flow, pressures, tool path, what is left, and its spectrum."""
         from armdesign import plots
 

@@ -10,11 +10,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Numbers
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
 from armdesign.paper import formulas
@@ -43,19 +42,19 @@ class Mechanism:
     SI, numbers or arrays that broadcast together.
     """
 
-    load_mass: Any  # m2
-    link_length: Any  # l2
-    link_pin_distance: Any  # a1
-    base_pin_distance: Any  # d1
-    bore_area: Any  # A1
-    annulus_area: Any  # A2
-    cap_volume: Any  # V1, dead volume included
-    annulus_volume: Any  # V2, dead volume included
-    stroke: Any  # of the piston
-    bulk_modulus: Any  # β
+    load_mass: Numbers  # m2
+    link_length: Numbers  # l2
+    link_pin_distance: Numbers  # a1
+    base_pin_distance: Numbers  # d1
+    bore_area: Numbers  # A1
+    annulus_area: Numbers  # A2
+    cap_volume: Numbers  # V1, dead volume included
+    annulus_volume: Numbers  # V2, dead volume included
+    stroke: Numbers  # of the piston
+    bulk_modulus: Numbers  # β
 
     @classmethod
-    def of(cls, machine: Machine, load_mass: Any, link_length: Any) -> Mechanism:
+    def of(cls, machine: Machine, load_mass: Numbers, link_length: Numbers) -> Mechanism:
         """The mechanism of a machine like ``paper_1dof``, under loads other than its own."""
         cylinder, linkage = machine.cylinders[0], machine.linkages[0]
         base, rod_end = (np.array(linkage.place(pin)) for pin in ("base", "rod_end"))
@@ -74,52 +73,52 @@ class Mechanism:
             bulk_modulus=machine.fluid.bulk_modulus,
         )
 
-    def _arguments(self, *names: str) -> dict[str, Any]:
+    def _arguments(self, *names: str) -> dict[str, Numbers]:
         """Some of its numbers, as ``formulas`` take them."""
         return {name: getattr(self, name) for name in names}
 
     @property
-    def pins(self) -> dict[str, Any]:
+    def pins(self) -> dict[str, Numbers]:
         """a1 and d1, as ``formulas`` take them."""
         return self._arguments("link_pin_distance", "base_pin_distance")
 
     @property
-    def loaded(self) -> dict[str, Any]:
+    def loaded(self) -> dict[str, Numbers]:
         """Load and pins, as ``formulas`` take them."""
         return self._arguments("load_mass", "link_length") | self.pins
 
     @property
-    def chambers(self) -> dict[str, Any]:
+    def chambers(self) -> dict[str, Numbers]:
         """Areas, volumes and oil, as ``formulas`` take them."""
         areas, volumes = ("bore_area", "annulus_area"), ("cap_volume", "annulus_volume")
         return self._arguments(*areas, *volumes, "bulk_modulus")
 
     @property
-    def stiffness(self) -> Any:
+    def stiffness(self) -> Numbers:
         """k_h of both chambers [N/m]: β (A1²/V1 + A2²/V2)."""
         return self.bulk_modulus * (
             self.bore_area**2 / self.cap_volume + self.annulus_area**2 / self.annulus_volume
         )
 
     @property
-    def symmetric(self) -> dict[str, Any]:
+    def symmetric(self) -> dict[str, Numbers]:
         """The paper's A and V0 from the bore side; it does not say what they are if asymmetric."""
         oil = self._arguments("bulk_modulus")
         return {"area": self.bore_area, "chamber_volume": self.cap_volume, **oil}
 
     @property
-    def symmetric_mean(self) -> dict[str, Any]:
+    def symmetric_mean(self) -> dict[str, Numbers]:
         """The paper's A and V0 as means of both sides."""
         area, volume = self.bore_area + self.annulus_area, self.cap_volume + self.annulus_volume
         return {**self.symmetric, "area": area / 2, "chamber_volume": volume / 2}
 
     @property
-    def static_mass(self) -> Any:
+    def static_mass(self) -> Numbers:
         """Mass that the paper puts into (11) [kg]: its weight is the static force at θ0."""
         return formulas.equivalent_mass(static_force=formulas.static_force(**self.loaded))
 
     @property
-    def frequencies(self) -> dict[str, Any]:
+    def frequencies(self) -> dict[str, Numbers]:
         """Natural frequency [Hz] by each of ``FORMULAS``."""
         load = self._arguments("load_mass", "link_pin_distance", "link_length")
         inertia, arm = formulas.joint_inertia(**load), formulas.moment_arm(**self.pins)
@@ -137,7 +136,7 @@ class Mechanism:
             "joint_exact": formulas.joint_coupled(**loaded, stiffness=self.stiffness),
         }
 
-    def with_gravity(self, stiffness: Any, inertia: Any = 0.0) -> Any:
+    def with_gravity(self, stiffness: Numbers, inertia: Numbers = 0.0) -> Numbers:
         """Frequency [Hz] if gravity took ``stiffness`` [N m/rad], ``inertia`` [kg m²] added."""
         arm = formulas.moment_arm(**self.pins)
         total = self.load_mass * (self.link_pin_distance**2 + self.link_length**2) + inertia
@@ -162,7 +161,7 @@ def grid(
     return Mechanism.of(machine, pairs[:, 0], pairs[:, 1])
 
 
-def rms_error(computed: Any, reference: Any, axis: int | tuple[int, ...] = -1) -> Any:
+def rms_error(computed: Numbers, reference: Numbers, axis: int | tuple[int, ...] = -1) -> Numbers:
     """Root mean square [rad/s] of the difference of frequencies in Hz, the paper's measure."""
     return 2 * math.pi * np.sqrt(np.mean((np.asarray(computed) - reference) ** 2, axis=axis))
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Numbers
 from armdesign.machine.loading import load
 from armdesign.paper import formulas
 from armdesign.paper.configurations import FORMULAS, LENGTHS, MACHINE, MASSES, Mechanism, rms_error
@@ -27,8 +27,8 @@ class Erratum:
     equation: str  # its number
     printed: str  # what the paper has
     right: str  # what it should be
-    wrong_frequency: Any = None  # with it (n,) [Hz]; None: it is in no frequency
-    right_frequency: Any = None  # without it (n,) [Hz]
+    wrong_frequency: Numbers = None  # with it (n,) [Hz]; None: it is in no frequency
+    right_frequency: Numbers = None  # without it (n,) [Hz]
     remark: str = ""  # what to know about the comparison
 
     @property
@@ -70,7 +70,7 @@ def errata(at: Mechanism) -> list[Erratum]:
     ]
 
 
-def _errata_of_gravity(at: Mechanism, exact: Any) -> list[Erratum]:
+def _errata_of_gravity(at: Mechanism, exact: Numbers) -> list[Erratum]:
     """Errata of inertia, static force and gravity stiffness, beside the exact frequency [Hz]."""
     weight, l2, (a1, d1) = at.load_mass * GRAVITY, at.link_length, at.pins.values()
     pull = weight * a1 * l2 * d1 / (a1**2 + d1**2)  # F0 ∂r/∂θ
@@ -94,7 +94,7 @@ def errata_frame(errata: Sequence[Erratum]) -> pd.DataFrame:
 
     rows = []
     for item in errata:
-        effect: tuple[Any, ...] = (None, None, None)
+        effect: tuple[Numbers, ...] = (None, None, None)
         if (change := item.change) is not None:
             effect = change.min(), change.max(), item.error
         rows.append((item.equation, item.printed, item.right, *effect, item.remark))

@@ -6,10 +6,11 @@ Symbols, assumptions and source: see ``formulas``, where all equations of the pa
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from armdesign.arrays import Numbers
 from armdesign.frequency.modes import hertz
 from armdesign.paper.arguments import numbers
 from armdesign.paper.mechanism import joint_inertia, moment_arm
@@ -22,15 +23,15 @@ SPRING = "stiffness", "area", "chamber_volume", "bulk_modulus"
 
 def joint_coupled_as_printed(
     *,
-    load_mass: Any,
-    link_pin_distance: Any,
-    base_pin_distance: Any,
-    link_length: Any,
-    stiffness: Any = None,
-    area: Any = None,
-    chamber_volume: Any = None,
-    bulk_modulus: Any = None,
-) -> Any:
+    load_mass: Numbers,
+    link_pin_distance: Numbers,
+    base_pin_distance: Numbers,
+    link_length: Numbers,
+    stiffness: Numbers = None,
+    area: Numbers = None,
+    chamber_volume: Numbers = None,
+    bulk_modulus: Numbers = None,
+) -> Numbers:
     """Natural frequency of the joint-coupled load [Hz], eq. (42) as printed, with √(Q/K).
 
     f = 1/(2π) √((2 d1 cos α A² − m2 g l2 n_θ V0/β) / (V0/β m2 (a1² + l2²) n_θ)) with
@@ -54,15 +55,15 @@ def joint_coupled_as_printed(
 
 def joint_coupled(
     *,
-    load_mass: Any,
-    link_pin_distance: Any,
-    base_pin_distance: Any,
-    link_length: Any,
-    stiffness: Any = None,
-    area: Any = None,
-    chamber_volume: Any = None,
-    bulk_modulus: Any = None,
-) -> Any:
+    load_mass: Numbers,
+    link_pin_distance: Numbers,
+    base_pin_distance: Numbers,
+    link_length: Numbers,
+    stiffness: Numbers = None,
+    area: Numbers = None,
+    chamber_volume: Numbers = None,
+    bulk_modulus: Numbers = None,
+) -> Numbers:
     """Natural frequency of the joint-coupled load at θ = π/2 [Hz], eq. (42) corrected, exact.
 
     ω² = [k_h r² − m2 g a1 (1 + l2 d1/(a1² + d1²))] / (m2 (a1² + l2²)),  r = a1 d1/√(a1² + d1²).
@@ -102,26 +103,26 @@ class TransferFunction(NamedTuple):
     X_p/U = μ/(K s³ + F s² + Q s − H).
     """
 
-    mu: Any
-    K: Any
-    F: Any
-    Q: Any
-    H: Any
+    mu: Numbers
+    K: Numbers
+    F: Numbers
+    Q: Numbers
+    H: Numbers
 
 
 def transfer_function_as_printed(
     *,
-    load_mass: Any,
-    link_pin_distance: Any,
-    base_pin_distance: Any,
-    link_length: Any,
-    area: Any,
-    chamber_volume: Any,
-    bulk_modulus: Any,
-    leakage: Any,
-    valve_gain: Any,
-    supply_pressure: Any,
-    density: Any,
+    load_mass: Numbers,
+    link_pin_distance: Numbers,
+    base_pin_distance: Numbers,
+    link_length: Numbers,
+    area: Numbers,
+    chamber_volume: Numbers,
+    bulk_modulus: Numbers,
+    leakage: Numbers,
+    valve_gain: Numbers,
+    supply_pressure: Numbers,
+    density: Numbers,
 ) -> TransferFunction:
     """Coefficients (36)–(40) as printed.
 
@@ -147,17 +148,17 @@ def transfer_function_as_printed(
 
 def transfer_function(
     *,
-    load_mass: Any,
-    link_pin_distance: Any,
-    base_pin_distance: Any,
-    link_length: Any,
-    area: Any,
-    chamber_volume: Any,
-    bulk_modulus: Any,
-    leakage: Any,
-    valve_gain: Any,
-    supply_pressure: Any,
-    density: Any,
+    load_mass: Numbers,
+    link_pin_distance: Numbers,
+    base_pin_distance: Numbers,
+    link_length: Numbers,
+    area: Numbers,
+    chamber_volume: Numbers,
+    bulk_modulus: Numbers,
+    leakage: Numbers,
+    valve_gain: Numbers,
+    supply_pressure: Numbers,
+    density: Numbers,
 ) -> TransferFunction:
     """Coefficients (36)–(40) corrected, symmetric piston at θ = π/2 and mid-stroke.
 
@@ -191,7 +192,7 @@ def transfer_function(
     return _coefficients(_gravity_stiffness, **locals())
 
 
-def _frequency(part: str, gravity: Callable[..., Any], **arguments: Any) -> Any:
+def _frequency(part: str, gravity: Callable[..., Numbers], **arguments: Numbers) -> Numbers:
     """√((k_h r² − G)/J)/(2π) [Hz]; ``gravity`` gives the G [N m/rad] that lowers the stiffness."""
     spring = spring_stiffness(part, *(arguments.pop(name) for name in SPRING))
     m2, a1, d1, l2, _ = numbers(part, above_zero="load_mass", **arguments, stiffness=spring)
@@ -200,7 +201,7 @@ def _frequency(part: str, gravity: Callable[..., Any], **arguments: Any) -> Any:
     return hertz((spring * r**2 - gravity(m2, a1, d1, l2)) / inertia)
 
 
-def _coefficients(gravity: Callable[..., Any], **arguments: Any) -> TransferFunction:
+def _coefficients(gravity: Callable[..., Numbers], **arguments: Numbers) -> TransferFunction:
     """Coefficients (36)–(40) with the gravity stiffness G [N m/rad], μ without its factor 2."""
     mechanism = {name: arguments.pop(name) for name in MECHANISM}
     m2, a1, d1, l2 = numbers("transfer_function", above_zero="load_mass", **mechanism)
@@ -220,11 +221,11 @@ def _coefficients(gravity: Callable[..., Any], **arguments: Any) -> TransferFunc
     )
 
 
-def _printed_gravity(m2: Any, a1: Any, d1: Any, l2: Any) -> Any:
+def _printed_gravity(m2: Numbers, a1: Numbers, d1: Numbers, l2: Numbers) -> Numbers:
     """The term that the paper has in its place [N m/rad]."""
     return m2 * GRAVITY * l2
 
 
-def _gravity_stiffness(m2: Any, a1: Any, d1: Any, l2: Any) -> Any:
+def _gravity_stiffness(m2: Numbers, a1: Numbers, d1: Numbers, l2: Numbers) -> Numbers:
     """Stiffness that gravity takes away at θ = π/2 [N m/rad]: −∂g/∂θ + F0 ∂r/∂θ."""
     return m2 * GRAVITY * a1 * (1 + l2 * d1 / (a1**2 + d1**2))

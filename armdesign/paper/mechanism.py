@@ -6,10 +6,10 @@ Symbols, assumptions and source: see ``formulas``, where all equations of the pa
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from armdesign.arrays import Numbers
 from armdesign.errors import ArmDesignError
 from armdesign.paper.arguments import numbers
 from armdesign.units import GRAVITY
@@ -17,7 +17,9 @@ from armdesign.units import GRAVITY
 _DEAD_CENTRE = 1e-12  # |sin θ| below which a cylinder counts as in line with the joint
 
 
-def cylinder_length(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any) -> Any:
+def cylinder_length(
+    *, link_pin_distance: Numbers, base_pin_distance: Numbers, angle: Numbers
+) -> Numbers:
     """Pin-to-pin length x_p of the cylinder [m], eq. (13), which is missing in print.
 
     x_p² = a1² + d1² − 2 a1 d1 cos θ; eq. (26) at θ = π/2.
@@ -42,7 +44,9 @@ def cylinder_length(*, link_pin_distance: Any, base_pin_distance: Any, angle: An
     return _length(*numbers("cylinder_length", **locals()))
 
 
-def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) -> Any:
+def joint_angle(
+    *, link_pin_distance: Numbers, base_pin_distance: Numbers, length: Numbers
+) -> Numbers:
     """Angle θ in [0, π] [rad] at a pin-to-pin length [m], eq. (14).
 
     θ = arccos((a1² + d1² − x_p²)/(2 a1 d1)).
@@ -65,7 +69,9 @@ def joint_angle(*, link_pin_distance: Any, base_pin_distance: Any, length: Any) 
     return np.arccos(np.clip(cosine, -1, 1))
 
 
-def moment_arm(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any = math.pi / 2) -> Any:
+def moment_arm(
+    *, link_pin_distance: Numbers, base_pin_distance: Numbers, angle: Numbers = math.pi / 2
+) -> Numbers:
     """Moment arm of the cylinder [m], eq. (21): r = d1 cos α = a1 d1 sin θ/x_p.
 
     N_θ of eq. (30) is 1/r.
@@ -92,7 +98,9 @@ def moment_arm(*, link_pin_distance: Any, base_pin_distance: Any, angle: Any = m
     return a1 * d1 * np.sin(theta) / length
 
 
-def joint_inertia(*, load_mass: Any, link_pin_distance: Any, link_length: Any) -> Any:
+def joint_inertia(
+    *, load_mass: Numbers, link_pin_distance: Numbers, link_length: Numbers
+) -> Numbers:
     """Inertia of the load about the joint [kg m²]: J = m2 (a1² + l2²), as in eq. (22).
 
     Eq. (16) with m1 = I1 = I2 = 0 and γ = π/2. It prints "l1" and "l2" where the links' own
@@ -118,7 +126,9 @@ def joint_inertia(*, load_mass: Any, link_pin_distance: Any, link_length: Any) -
     return m2 * (a1**2 + l2**2)
 
 
-def gravity_torque(*, load_mass: Any, link_pin_distance: Any, link_length: Any, angle: Any) -> Any:
+def gravity_torque(
+    *, load_mass: Numbers, link_pin_distance: Numbers, link_length: Numbers, angle: Numbers
+) -> Numbers:
     """Gravity torque that the cylinder balances [N m], eq. (22): m2 g (a1 cos θ − l2 sin θ).
 
     Args:
@@ -146,12 +156,12 @@ def gravity_torque(*, load_mass: Any, link_pin_distance: Any, link_length: Any, 
 
 def static_force(
     *,
-    load_mass: Any,
-    link_pin_distance: Any,
-    base_pin_distance: Any,
-    link_length: Any,
-    angle: Any = math.pi / 2,
-) -> Any:
+    load_mass: Numbers,
+    link_pin_distance: Numbers,
+    base_pin_distance: Numbers,
+    link_length: Numbers,
+    angle: Numbers = math.pi / 2,
+) -> Numbers:
     """Cylinder force that holds the load [N, + pushes]: F0 = g(θ)/r(θ), eq. (21) and (22).
 
     Args:
@@ -182,8 +192,13 @@ def static_force(
 
 
 def static_pressure_difference_as_printed(
-    *, load_mass: Any, link_pin_distance: Any, base_pin_distance: Any, link_length: Any, area: Any
-) -> Any:
+    *,
+    load_mass: Numbers,
+    link_pin_distance: Numbers,
+    base_pin_distance: Numbers,
+    link_length: Numbers,
+    area: Numbers,
+) -> Numbers:
     """Static pressure difference p1 − p2 at θ = π/2 [Pa], eq. (27) as printed.
 
     m2 g l2/(d1 cos α0 A). The sign is wrong: by eq. (22) the load pulls the rod. Right:
@@ -202,8 +217,13 @@ def static_pressure_difference_as_printed(
 
 
 def static_pressure_difference(
-    *, load_mass: Any, link_pin_distance: Any, base_pin_distance: Any, link_length: Any, area: Any
-) -> Any:
+    *,
+    load_mass: Numbers,
+    link_pin_distance: Numbers,
+    base_pin_distance: Numbers,
+    link_length: Numbers,
+    area: Numbers,
+) -> Numbers:
     """Static pressure difference p1 − p2 at θ = π/2 [Pa], eq. (27) corrected: F0/A.
 
     For the symmetric piston, F0/A = −m2 g l2/(d1 cos α0 A).
@@ -232,6 +252,6 @@ def static_pressure_difference(
     return force / A
 
 
-def _length(a1: Any, d1: Any, theta: Any) -> Any:
+def _length(a1: Numbers, d1: Numbers, theta: Numbers) -> Numbers:
     """x_p of eq. (13), as √((a1 − d1)² + 4 a1 d1 sin²(θ/2)): rounding makes no square negative."""
     return np.sqrt((a1 - d1) ** 2 + 4 * a1 * d1 * np.sin(theta / 2) ** 2)

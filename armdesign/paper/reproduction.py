@@ -36,6 +36,8 @@ from armdesign.units import mm
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Figure
+
 # amplitude: share of the spool's travel; the paper says "a sine sweep"
 SWEEP = SweptSine(amplitude=0.01, start=1.0, stop=45.0, duration=2.5, fade=0.02)
 RATE = 200.0  # records per second
@@ -118,7 +120,7 @@ class Reproduction:
         """Number of configurations in which the oil cavitated in the open-loop sweep."""
         return sum(one.least_pressure < 0 for one in self.measurements)
 
-    def plot(self, formula: str) -> Any:
+    def plot(self, formula: str) -> Figure:
         """The paper's pair of figures for one of ``FORMULAS``, against mass and length."""
         from armdesign.paper.sheets import paper_pair
 

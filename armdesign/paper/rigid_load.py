@@ -6,17 +6,19 @@ Symbols, assumptions and source: see ``formulas``, where all equations of the pa
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from armdesign.arrays import Numbers
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import hertz
 from armdesign.paper.arguments import numbers
 from armdesign.units import GRAVITY
 
 
-def symmetric_stiffness(*, area: Any, chamber_volume: Any, bulk_modulus: Any) -> Any:
+def symmetric_stiffness(
+    *, area: Numbers, chamber_volume: Numbers, bulk_modulus: Numbers
+) -> Numbers:
     """Oil stiffness of a symmetric piston at mid-stroke [N/m], in eq. (11): k_h = 2βA²/V0.
 
     Args:
@@ -39,12 +41,12 @@ def symmetric_stiffness(*, area: Any, chamber_volume: Any, bulk_modulus: Any) ->
 
 def rigid_load(
     *,
-    mass: Any,
-    stiffness: Any = None,
-    area: Any = None,
-    chamber_volume: Any = None,
-    bulk_modulus: Any = None,
-) -> Any:
+    mass: Numbers,
+    stiffness: Numbers = None,
+    area: Numbers = None,
+    chamber_volume: Numbers = None,
+    bulk_modulus: Numbers = None,
+) -> Numbers:
     """Natural frequency of a mass rigidly connected to the rod [Hz], eq. (11).
 
     f = √(2βA²/(M V0))/(2π) = √(k_h/M)/(2π).
@@ -74,13 +76,13 @@ def rigid_load(
 
 def rigid_load_asymmetric_as_printed(
     *,
-    mass: Any,
-    bulk_modulus: Any,
-    bore_area: Any,
-    annulus_area: Any,
-    cap_volume: Any,
-    annulus_volume: Any,
-) -> Any:
+    mass: Numbers,
+    bulk_modulus: Numbers,
+    bore_area: Numbers,
+    annulus_area: Numbers,
+    cap_volume: Numbers,
+    annulus_volume: Numbers,
+) -> Numbers:
     """Natural frequency of a rigid load on an asymmetric piston [Hz], eq. (12) as printed.
 
     f = 1/(2π) √(2β/M (A1²/V01 + A2²/V02)). Wrong: the factor 2 counts both chambers twice; with
@@ -101,13 +103,13 @@ def rigid_load_asymmetric_as_printed(
 
 def rigid_load_asymmetric(
     *,
-    mass: Any,
-    bulk_modulus: Any,
-    bore_area: Any,
-    annulus_area: Any,
-    cap_volume: Any,
-    annulus_volume: Any,
-) -> Any:
+    mass: Numbers,
+    bulk_modulus: Numbers,
+    bore_area: Numbers,
+    annulus_area: Numbers,
+    cap_volume: Numbers,
+    annulus_volume: Numbers,
+) -> Numbers:
     """Natural frequency of a rigid load on an asymmetric piston [Hz], eq. (12) corrected.
 
     f = 1/(2π) √(β/M (A1²/V01 + A2²/V02)).
@@ -134,7 +136,7 @@ def rigid_load_asymmetric(
     return rigid_load(mass=mass, stiffness=beta * (A1**2 / V01 + A2**2 / V02))
 
 
-def equivalent_mass(*, static_force: Any) -> Any:
+def equivalent_mass(*, static_force: Numbers) -> Numbers:
     """Mass whose weight is the static load on the cylinder [kg], |F0|/9.81, section 4.
 
     The paper puts it into eq. (11). It vanishes where gravity does not load the cylinder, and it
@@ -150,7 +152,7 @@ def equivalent_mass(*, static_force: Any) -> Any:
     return np.abs(force) / GRAVITY
 
 
-def reflected_mass(*, joint_inertia: Any, moment_arm: Any) -> Any:
+def reflected_mass(*, joint_inertia: Numbers, moment_arm: Numbers) -> Numbers:
     """Mass with the inertia that the piston moves [kg]: J/r².
 
     With it eq. (11) *is* eq. (42) without gravity.
@@ -173,8 +175,8 @@ def reflected_mass(*, joint_inertia: Any, moment_arm: Any) -> Any:
 
 
 def spring_stiffness(
-    part: str, stiffness: Any, area: Any, chamber_volume: Any, bulk_modulus: Any
-) -> Any:
+    part: str, stiffness: Numbers, area: Numbers, chamber_volume: Numbers, bulk_modulus: Numbers
+) -> Numbers:
     """Oil stiffness k_h [N/m], given or from the symmetric data; exactly one of the two."""
     symmetric = {"area": area, "chamber_volume": chamber_volume, "bulk_modulus": bulk_modulus}
     given = [name for name, value in symmetric.items() if value is not None]

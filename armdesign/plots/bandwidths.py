@@ -24,7 +24,7 @@ from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.control.gain_schedule import GainSchedule
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 BANDWIDTH = "bandwidth of narrowest loop [Hz]"
 GAIN = "position gain [1/s]"
@@ -78,7 +78,7 @@ def bandwidth_map(
 
 
 @literal
-def bandwidth_maps(bandwidths: BandwidthMap) -> Any:
+def bandwidth_maps(bandwidths: BandwidthMap) -> Figure:
     """Figure of all controllers of a map in a row, on one colour scale."""
     values = np.concatenate([_least(bandwidths, scheme)[2].ravel() for scheme in TITLES])
     low, high = float(values[values > 0].min()), float(np.nanmax(values))
@@ -95,7 +95,7 @@ def bandwidth_maps(bandwidths: BandwidthMap) -> Any:
 
 
 @literal
-def gain_schedule(schedule: GainSchedule) -> Any:
+def gain_schedule(schedule: GainSchedule) -> Figure:
     """Figure of the position gain of each loop at the poses at which gains are known."""
     machine = schedule.machine
     drawn, gains = drawn_joints(machine), schedule.gains[:, : len(machine.joints)]

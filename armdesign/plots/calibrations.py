@@ -10,7 +10,7 @@ from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, literal
 
 if TYPE_CHECKING:
     from armdesign.calibration.calibrate import Calibration
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 
 @literal
@@ -46,7 +46,7 @@ def errors_and_deviations(calibration: Calibration, ax: Axes) -> Axes:
     return ax
 
 
-def calibration_figure(calibration: Calibration) -> Any:
+def calibration_figure(calibration: Calibration) -> Figure:
     """Figure of frequencies, and beside them the errors that are left."""
     fig, (left, right) = figure(2, 6.0, 4.4)
     measured_and_computed(calibration, left)

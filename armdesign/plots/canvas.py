@@ -26,6 +26,7 @@ from armdesign.transaction import undisturbed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
 
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.urdf import Joint
@@ -71,7 +72,7 @@ STYLE = {
 
 def figure(
     columns: int = 1, width: float = 7.0, height: float = 4.4, rows: int = 1
-) -> tuple[Any, Any]:
+) -> tuple[Figure, Any]:
     """Figure drawn without a display, and its axes, row by row.
 
     It is ``WIDTH`` wide, whatever it holds; ``width`` and ``height`` are the proportions of one
@@ -100,7 +101,7 @@ def show_in_notebooks(fig: Any, axes: Iterable[Any]) -> None:
         shown._repr_png_ = partial(_png, fig)
 
 
-def _png(fig: Any) -> bytes:
+def _png(fig: Figure) -> bytes:
     """A figure as PNG."""
     stream = io.BytesIO()
     with style():

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from armdesign.plots.canvas import figure, literal
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Figure
 
 GREY = "#7b8794"  # seen on light and on dark ground
 
@@ -51,7 +54,7 @@ class Chart:
 
 
 @literal
-def chart_figure(chart: Chart) -> Any:
+def chart_figure(chart: Chart) -> Figure:
     """Figure of a chart, for paper."""
     fig, (ax,) = figure()
     named = set[str]()

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from armdesign.design.requirements.performance import Performance
     from armdesign.design.steps import Steps
     from armdesign.machine.machine import Machine
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 ACROSS = 3  # actuators in a row
 TRADED = {  # limit of a trade-off: label of its axis, axis unit over SI, today's value
@@ -41,20 +41,20 @@ TRADED = {  # limit of a trade-off: label of its axis, axis unit over SI, today'
 
 
 @literal
-def before_after(design: Design, plane: str = "joints") -> Any:
+def before_after(design: Design, plane: str = "joints") -> Figure:
     """Figure of today's map and the new one on one colour scale."""
     fig = side_by_side({"today": design.before, "new": design.after}, plane)
     fig.suptitle(title_of(design.today))
     return fig
 
 
-def moment_arms(design: Design) -> Any:
+def moment_arms(design: Design) -> Figure:
     """Figure of every actuator's moment arm and torques over its joint, today and new."""
     return moment_arm_curves({"today": design.today, "new": design.machine})
 
 
 @literal
-def moment_arm_curves(machines: Mapping[str, Machine]) -> Any:
+def moment_arm_curves(machines: Mapping[str, Machine]) -> Figure:
     """Figure of every actuator's moment arm and torques about every joint, over its range.
 
     A cylinder across several joints is drawn with the others in the middle of their ranges; the

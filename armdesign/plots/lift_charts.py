@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
 
 if TYPE_CHECKING:
     from armdesign.machine.lift_chart import LiftChart
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 KILOGRAMS = "lift capacity [kg]"
 
@@ -40,7 +40,7 @@ def lift_chart(chart: LiftChart, ax: Axes | None = None, **limits: float) -> Axe
 
 
 @literal
-def lift_charts(charts: Mapping[str, LiftChart]) -> Any:
+def lift_charts(charts: Mapping[str, LiftChart]) -> Figure:
     """Figure of one chart, or of two on one colour scale with their ratio beside them."""
     fig, axes = figure(1, 7.0, 4.6) if len(charts) == 1 else figure(3, 4.6, 7.0)
     most = max(float(chart.capacity.max()) for chart in charts.values())

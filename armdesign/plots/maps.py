@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.reach_map import ReachMap
     from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 FREQUENCY = "lowest coupled natural frequency [Hz]"
 LOADS = (INK, "#8a95a1", COMPUTED)  # of load cases: colours of no actuator
@@ -84,7 +84,7 @@ def reach_map(lowest: ReachMap, ax: Axes | None = None, **limits: float) -> Axes
 
 
 @literal
-def map_figure(frequencies: FrequencyMap, plane: str) -> Any:
+def map_figure(frequencies: FrequencyMap, plane: str) -> Figure:
     """Figure of one map with its machine's title: "joints", "reach", or "holding" pressures."""
     fig, (ax,) = figure()
     if plane == "holding":
@@ -98,7 +98,7 @@ def map_figure(frequencies: FrequencyMap, plane: str) -> Any:
 
 
 @literal
-def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Any:
+def side_by_side(maps: Mapping[str, FrequencyMap], plane: str = "joints") -> Figure:
     """Figure of maps in a row on one colour scale, each under its label and worst frequency."""
     fig, axes = figure(len(maps), *((6.6, 5.2) if plane == "joints" else (6.0, 6.6)))
     for ax, (label, frequencies) in zip(axes, maps.items(), strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,14 +18,14 @@ from armdesign.plots.machines import draw_machine, extent, frame
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 FADED = {"fc": "#f3f4f6", "ec": "#d1d5db"}
 SHOWN = 3  # lowest modes
 
 
 @literal
-def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Any:
+def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
     """Figure of the lowest modes of a pose: the machine at rest and at both ends of its swing.
 
     The load case at work counts. A mode has no amplitude of its own: what is drawn at the tool is

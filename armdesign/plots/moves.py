@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from armdesign.motion.move import Move
     from armdesign.motion.outcome import MoveRun
     from armdesign.motion.shapers import Shaper
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 COLOURS = (INK, MARK, COMPUTED, CYLINDER)
 THICK: Style = {"lw": 1.6}
@@ -27,7 +27,7 @@ LEAST = 1e-4  # of the largest line that a spectrum shows
 
 
 @literal
-def move_figure(move: Move) -> Any:
+def move_figure(move: Move) -> Figure:
     """Figure of a move: shaped in full colour, unshaped faint."""
     fig, axes = figure(2, 7.6, 3.4, rows=3)
     _commands(axes[0], move)
@@ -45,7 +45,7 @@ def move_figure(move: Move) -> Any:
 
 
 @literal
-def shaper_figure(move: Move) -> Any:
+def shaper_figure(move: Move) -> Figure:
     """Figure of what a move's shaper leaves at other frequencies, beside the usual ones."""
     from armdesign.motion.shapers import Shaper
 

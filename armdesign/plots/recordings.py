@@ -9,14 +9,14 @@ import numpy as np
 from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, literal
 
 if TYPE_CHECKING:
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
     from armdesign.simulation.identification.modal_fit import ModalFit
     from armdesign.simulation.identification.ringdown import Ringdown
     from armdesign.simulation.identified import Identified, IdentifiedWindow
 
 
 @literal
-def identified_figure(identified: Identified) -> Any:
+def identified_figure(identified: Identified) -> Figure:
     """Figure of signal, fit and residual over time, and of frequency against amplitude.
 
     Of forced responses: the response of every window.
@@ -34,7 +34,7 @@ def identified_figure(identified: Identified) -> Any:
     for k, window in enumerate(decays):
         colour = (MARK, COMPUTED)[k % 2]
         label = "fit: damped oscillation and trend" if k == 0 else None
-        top.plot(window.time, window.fitted, color=colour, lw=1.3, label=label)
+        top.plot(window.time, np.asarray(window.fitted), color=colour, lw=1.3, label=label)
         below.plot(window.time, window.signal - window.fitted, color=colour, lw=0.7)
     _swings(last, decays)
     top.set(ylabel=identified.signal, title=whole.source)
@@ -49,7 +49,7 @@ def identified_figure(identified: Identified) -> Any:
 
 
 @literal
-def ringdown(decay: Ringdown) -> Any:
+def ringdown(decay: Ringdown) -> Figure:
     """Figure of a free decay's outputs with the modes fitted to them, and of what these leave."""
     fig, (signal, left) = figure(rows=2, height=2.6)
     for k, (recorded, fitted) in enumerate(zip(decay.response.T, decay.fitted.T, strict=True)):

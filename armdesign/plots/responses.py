@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, literal
 
 if TYPE_CHECKING:
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
     from armdesign.simulation.identification.frequency_response import FrequencyResponse
     from armdesign.simulation.identification.modal_fit import ModalFit
     from armdesign.simulation.linear_model import LinearModel, LinearModels
@@ -21,7 +21,7 @@ MARKERS = "os^vD"  # of modes
 
 
 @literal
-def frequency_responses(validations: Mapping[str, Validation]) -> Any:
+def frequency_responses(validations: Mapping[str, Validation]) -> Figure:
     """Figure of the simulated and the fitted response in each validation's first sweep."""
     runs = {label: one.runs[0] for label, one in validations.items() if one.runs}
     fig, axes = figure(max(len(runs), 1), 5.4, 2.6 + 0.6 * len(runs))
@@ -42,7 +42,7 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Any:
 
 
 @literal
-def measured_response(measured: FrequencyResponse) -> Any:
+def measured_response(measured: FrequencyResponse) -> Figure:
     """Figure of magnitude, within two standard deviations, phase and coherence."""
     fig, (size, phase, share) = figure(rows=3, height=1.9)
     lines, magnitude, spread = measured.frequency, np.abs(measured.response), measured.deviations
@@ -61,7 +61,7 @@ def measured_response(measured: FrequencyResponse) -> Any:
 
 
 @literal
-def modal_fit(fit: ModalFit) -> Any:
+def modal_fit(fit: ModalFit) -> Figure:
     """Figure of the measured lines, the fitted curve and the natural frequencies."""
     fig, (ax,) = figure()
     ax.semilogy(fit.frequency, np.abs(fit.response), ".", color=INK, ms=5, label="measured")
@@ -77,7 +77,7 @@ def modal_fit(fit: ModalFit) -> Any:
 
 
 @literal
-def linear_response(model: LinearModel) -> Any:
+def linear_response(model: LinearModel) -> Figure:
     """Figure of each piston's speed over its own command, its phase, and natural frequencies.
 
     Raises:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,12 +11,12 @@ from armdesign.plots.canvas import INK, MARK, figure, literal, title_of
 from armdesign.units import bar, deg
 
 if TYPE_CHECKING:
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
     from armdesign.simulation.run import Simulation
 
 
 @literal
-def simulation_figure(simulation: Simulation) -> Any:
+def simulation_figure(simulation: Simulation) -> Figure:
     """Figure of a run: positions of the joints, spools, pressures, and where the tool goes."""
     fig, axes = figure(2, 7.6, 3.6, rows=2)
     _joints(axes[0], simulation)

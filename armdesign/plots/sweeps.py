@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.plots.canvas import INK, figure, literal
 
 if TYPE_CHECKING:
+    from armdesign.plots.canvas import Figure
     from armdesign.sweeps.sweep import Sweep
 
 
 @literal
-def sweep_answers(sweep: Sweep, answer: str = "") -> Any:
+def sweep_answers(sweep: Sweep, answer: str = "") -> Figure:
     """Figure of one answer over each number that was changed, a dot for each case.
 
     Args:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from armdesign.machine.lift_chart import LiftChart
+    from armdesign.plots.canvas import Figure
 
 SHOWN = 40  # differing keys that are printed; the CSV has them all
 
@@ -137,7 +138,7 @@ class Comparison:
             note="; ".join(notes),
         )
 
-    def plot(self, plane: str = "joints") -> Any:
+    def plot(self, plane: str = "joints") -> Figure:
         """Both heatmaps on one colour scale; returns the figure."""
         from armdesign import plots
 

@@ -13,11 +13,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from numbers import Real
-from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Numbers
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import Valve, opening, spool_position
 from armdesign.simulation.plant.plant import Plant
@@ -171,7 +170,7 @@ class SymmetricValve:
         scale = self.extend if opening > 0 else self.retract
         return float(spool_position(self.valve, opening * scale))
 
-    def opening(self, spool: Any) -> Any:
+    def opening(self, spool: Numbers) -> Numbers:
         """Mean opening −1…1 at spool positions: inverse of ``spool``."""
         wide = opening(self.valve, spool)
         return wide / np.where(wide > 0, self.extend, self.retract)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from armdesign.simulation.identification.swings import Swings
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from armdesign.plots.canvas import Figure
 
 MOVES = {"mm": 5.0, "deg": 1.0}  # by more than a ring does
 PRESSURE_COLUMNS = [
@@ -235,7 +237,7 @@ class Identified:
         for remarks in words.values():
             yield f"{remarks[0]} ({len(remarks)} of {len(self.windows)} windows)"
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Figure of signal, fit and residual, and of frequency against amplitude."""
         from armdesign.plots.recordings import identified_figure
 

@@ -24,7 +24,7 @@ from armdesign.simulation.signals import Groups
 from armdesign.units import bar
 
 if TYPE_CHECKING:
-    from armdesign.plots.canvas import Axes
+    from armdesign.plots.canvas import Axes, Figure
 
 
 def pressure_units(names: Sequence[str]) -> Array:
@@ -217,7 +217,7 @@ class LinearModel(StateSpace):
         states = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B + 0j)
         return np.asarray(self.C @ states + self.D)
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Speed of each piston over its own command, and the phase; returns the figure."""
         from armdesign import plots
 

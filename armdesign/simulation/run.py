@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from armdesign.units import bar, deg, mm
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from armdesign.plots.canvas import Figure
 
 ROUNDING = 1e-8  # of the energies of a machine at rest
 STILL = 1e-5  # [rad/s, m/s] peak to peak: within some 10 µm at the tool, as creep and rounding
@@ -132,7 +134,7 @@ class Simulation(ReadOnly):
         least = ROUNDING * (ENERGY + np.abs(self.energy).max())
         return float(gap / max(*terms, np.ptp(self.energy), least))
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Figure of joints, spools and pressures over time, and of the path of the tool."""
         from armdesign import plots
 

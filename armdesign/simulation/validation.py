@@ -52,6 +52,8 @@ from armdesign.simulation.sweeps import Failure, FittedMode, SweptMode, with_rem
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Figure
+
 TOLERANCE = 1e-7  # of the integration
 
 
@@ -141,7 +143,7 @@ class Validation:
     def _of(self, sweeps: Iterable[FittedMode | Failure]) -> Validation:
         return Validation(self.joints, tuple(sweeps))
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Figure of the measured and fitted frequency response of every pose's first sweep."""
         from armdesign import plots
 

@@ -26,6 +26,8 @@ from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.plots.canvas import Figure
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sweep:
@@ -80,7 +82,7 @@ class Sweep:
         ]
         return pd.DataFrame(rows)
 
-    def plot(self, answer: str = "") -> Any:
+    def plot(self, answer: str = "") -> Figure:
         """Figure of an answer, by default the first, over each number that was changed."""
         from armdesign import plots
 

@@ -14,15 +14,14 @@ Under the static load structure gives way too, so that the piston stands further
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Numbers
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 
-Numbers: TypeAlias = Any  # an array, or an interval where ends are rounded outward
 Stiffening: TypeAlias = tuple[Numbers, Numbers]  # of cap and annulus (…, n)
 
 

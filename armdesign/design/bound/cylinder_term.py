@@ -28,16 +28,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, Numbers
 from armdesign.design.bound.cylinder_constraints import AllowedBoxes, CylinderConstraints
 from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Natural, Shape
-from armdesign.design.bound.cylinder_spring import (
-    Air,
-    CylinderSpring,
-    Numbers,
-    Stiffening,
-    Structure,
-)
+from armdesign.design.bound.cylinder_spring import Air, CylinderSpring, Stiffening, Structure
 from armdesign.design.bound.intervals import Interval, interval
 
 TINY = 1e-12  # [m³] of oil

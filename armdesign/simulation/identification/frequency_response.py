@@ -7,7 +7,7 @@ response the excitation explains.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,9 @@ from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
 from armdesign.simulation.identification.modal_fit import ModalFit, identify_frequency_response
 from armdesign.simulation.identification.records import signals_of
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Figure
 
 LEAST_COHERENCE = 1e-6  # of lines that count
 
@@ -52,7 +55,7 @@ class FrequencyResponse(ReadOnly):
             np.abs(self.response) * np.sqrt(unexplained / (2 * self.averages * coherence))
         )
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Magnitude with its deviation, phase and coherence over frequency; returns the figure."""
         from armdesign import plots
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +41,9 @@ from armdesign.simulation.identification.residual_terms import (
     weights_of,
     with_known_modes,
 )
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Figure
 
 # degrees of B and E beyond a sum of modes: what modes outside the band and slow leaks add
 SPARE = 3
@@ -88,7 +91,7 @@ class ModalFit(ReadOnly):
     curve: Array
     residual: float
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Measured and fitted magnitude over frequency; returns the figure."""
         from armdesign import plots
 

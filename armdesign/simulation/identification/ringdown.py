@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +44,9 @@ from armdesign.simulation.identification.decaying_modes import (
     refined,
 )
 from armdesign.simulation.identification.records import signals_of
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Figure
 
 MOST_ROWS = 400  # of the Hankel matrix
 BEGINNINGS = (1, 2, 4, 8)  # shares of the record from which the search starts: all, half, …
@@ -97,7 +100,7 @@ class Ringdown(ReadOnly):
     time: Array
     response: Array
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """Figure of the decay, the modes fitted to it, and what they leave of it."""
         from armdesign import plots
 

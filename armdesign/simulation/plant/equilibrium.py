@@ -16,12 +16,12 @@ The law is ``hydraulics.port``: edges, leakage, reliefs and load-holding valves 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Numbers
 from armdesign.errors import PoseError, SimulationError
 from armdesign.hydraulics.actuator import SIDES, Actuator, Motor
 from armdesign.hydraulics.fluid import Supply
@@ -295,8 +295,8 @@ def _closed_hold(
 
 
 def closed_pressures(
-    actuator: Actuator, supply: Supply, force: Any, preloaded: bool | None
-) -> tuple[Any, Any]:
+    actuator: Actuator, supply: Supply, force: Numbers, preloaded: bool | None
+) -> tuple[Numbers, Numbers]:
     """Pressures of cap and annulus [Pa] behind a closed valve, elementwise over forces [N].
 
     ``preloaded``: p1 + p2 = supply + return is what a matched symmetric valve leaves when it moves
@@ -305,7 +305,7 @@ def closed_pressures(
     """
     back, areas = supply.return_pressure, (actuator.bore_area, actuator.annulus_area)
     relief = actuator.relief(supply)
-    common: Any = actuator.preload(back) if preloaded is None else back
+    common: Numbers = actuator.preload(back) if preloaded is None else back
     if preloaded:
         total = supply.pressure + back
         middle = (force + areas[1] * total) / sum(areas)
