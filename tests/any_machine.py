@@ -193,7 +193,7 @@ class _Sketch:
     def add(self, name: str, kind: str) -> None:
         slides = kind in ("pushed", "on a sliding spring")
         in_plane = self.flat or kind.startswith("four-bar")
-        skew = kind == "four-bar on the child"  # its plane is that of the child
+        skew = kind == "four-bar on the child"  # it lies in the child's plane
         axis = tuple(self.rng.normal(size=3).tolist())
         if in_plane:
             axis = (1.0, 0.0, 0.0) if slides else (0.0, float(self.rng.choice([-1, 1])), 0.0)

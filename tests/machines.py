@@ -105,8 +105,8 @@ def build(
     air_percent: float = 0.0,
     more: str = "",
 ) -> Machine:
-    """The machine of these joints and cylinders, and of tables as text; `order` is that of q, if
-    not the file's own.
+    """The machine of these joints and cylinders, and of tables as text; `order` is q's, if not
+    the file's own.
     """
     order = order or [joint.name for joint in joints]
     robot = urdf(joints)

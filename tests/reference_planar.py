@@ -102,7 +102,7 @@ class Reference(PlanarArm):
 
         `points`: of the grid, one number per joint.
 
-        The workspace is this machine's own, or that of `workspace_of`: a new design is judged on
+        The workspace is this machine's own, or `workspace_of`'s: a new design is judged on
         today's workspace.
         """
         machine = workspace_of or self

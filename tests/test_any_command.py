@@ -43,7 +43,7 @@ PATHS = (
     *("cylinder.boom.valve.damping_ratio", "tolerances.pin_mm", "[x]", "fluid.bulk_modulus"),
 )
 POSES = ("boom=10", "boom=1e9", "boom=nan", "boom", "x=1", "boom=10,boom=20", "", "=", "boom=-0")
-OPTIONS = {  # of each command, beside those of all
+OPTIONS = {  # of each command, beside what all have
     "check": ("points", "set", "units", "out"),
     "draw": ("pose", "payload", "picture", "set", "out"),
     "export": ("pose", "format", "set", "out"),

@@ -122,8 +122,8 @@ def test_designs_are_for_the_bands_of_the_file(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The machine written is that of ``ad.size_cylinders``, for the file's bands unless they are
-    not to count, and the report says so.
+    """The machine written is what ``ad.size_cylinders`` gives, for the file's bands unless they
+    are not to count, and the report says so.
     """
     words = areas_of(stated(tmp_path), tmp_path / "a")
     assert main([*words, *more], monkeypatch) == 0
@@ -289,7 +289,7 @@ def test_bad_trade_offs_are_one_line(
 def test_the_urdf_of_another_machine_is_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Another is refused before anything is computed; that of an earlier design of the same
+    """Another is refused before anything is computed; the folder of an earlier design of the same
     machine is replaced.
     """
     words = ["optimize", "paper_1dof", "--vary", "areas", "--points", "5", "--out", str(tmp_path)]

@@ -79,7 +79,7 @@ DOORS = {  # library: the only modules that may import it
 
 
 def name_of(path: Path) -> str:
-    """Name of a module below the package's; a room's own is that of its ``__init__``."""
+    """Name of a module below the package's; a room's own name is its ``__init__``'s."""
     return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
 
 

@@ -1,4 +1,4 @@
-"""The README does what it says; its blocks run with those of other pages, ``test_pages.py``."""
+"""The README does what it says; ``test_pages.py`` runs its blocks as other pages'."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ def test_no_allowed_change_of_all_gains_and_phases_makes_loops_unstable() -> Non
 
 @pytest.mark.slow
 def test_grid_misses_no_peak() -> None:
-    """The margin on the grid is that of 20 000 frequencies, to 1 %."""
+    """The margin on the grid equals the one on 20 000 frequencies, to 1 %."""
     plant = worst_plant()
     for position, pressure in ((0.095, 0.0), (1.1, 1.9e-4), (0.5, 3e-4)):
         controller = Controller(

@@ -24,7 +24,7 @@ def zoomed_best(
         high: upper ends.
         points: of the grid along each axis.
         levels: number of grids.
-        shrink: size of a grid over that of the one before.
+        shrink: size of a grid over the size of the one before.
 
     Returns:
         The value, and the largest step of the last grid.

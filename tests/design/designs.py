@@ -122,7 +122,7 @@ def any_lift_and_torque(name: str) -> Requirements:
 
 
 def problem_of(name: str, vary: tuple[str, ...] = ("areas", "pins"), **settings: Any) -> Problem:
-    """The problem of a named machine; settings are those of Problem or of Requirements."""
+    """The problem of a named machine; settings go to Problem or Requirements."""
     machine = MACHINES[name]()
     names = ("proportional", "tightening", "bands", "gain")
     own = {key: settings.pop(key) for key in names if key in settings}

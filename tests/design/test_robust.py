@@ -53,7 +53,7 @@ def test_the_problem_counts_the_worst_within_the_bands(name: str, bands: ad.Band
     "name", ["single", "double", "odd", pytest.param("excavator", marks=pytest.mark.slow)]
 )
 def test_the_problem_counts_the_least_gain_within_the_bands(name: str, bands: ad.Bands) -> None:
-    """Its lowest ω² is that of the least f_new/f_today over all corners, times today's worst
+    """Its lowest ω² belongs to the least f_new/f_today over all corners, times today's worst
     frequency with the file's values.
     """
     problem = problem_of(name, bands=bands, gain=True)
@@ -111,8 +111,8 @@ def test_slopes_within_bands_are_differences(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["double", "excavator"])
 def test_no_end_of_the_band_pays_for_another(name: str) -> None:
-    """The least gain is not below that of the designs for the soft end alone and for the file's
-    values, both ends gain, and no proof says less than is reached.
+    """The least gain is not below the gains by the soft end alone and by the file's values; both
+    ends gain, and no proof says less than is reached.
     """
     machine, workspace = MACHINES[name](), workspace_of(name)
     today = ad.frequency_band(machine, workspace, YIELDING)
@@ -194,8 +194,8 @@ def test_a_gain_that_vanishes_is_said_first() -> None:
 
 
 def test_a_saved_design_keeps_the_steel(tmp_path: Path) -> None:
-    """Bands of its file are shares of its own oil: at both ends the compliance in m/N is that of
-    today's machine.
+    """Bands of its file are shares of its own oil: at both ends the compliance in m/N is
+    today's.
     """
     stated = machine_with(MACHINES["double"](), "structure = [0.2, 1.0]")
     design = ad.size_cylinders(stated, Workspace.grid(stated, points=(5, 5)))

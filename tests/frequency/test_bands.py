@@ -37,7 +37,7 @@ def test_no_bands_are_the_machine_itself(excavator: ad.Machine, workspace: ad.Wo
 
 
 def test_one_joint_by_hand() -> None:
-    """Without gravity's part ω² = β k/M: the band of f is √ of the band of β, over √ of that of
+    """Without gravity's part ω² = β k/M: the band of f is √ of the band of β over √ of the band of
     all masses.
 
     Gravity's part, which goes with the masses, is subtracted first: K_g = M g-terms scale as the
@@ -181,7 +181,7 @@ def test_places_between_the_corners_are_found_as_whole_machines_are(
     excavator: ad.Machine, workspace: ad.Workspace
 ) -> None:
     """One band's places are its sixteenths; two bands are met at the same fifteen shares each,
-    but not together; the worst there is that of all poses.
+    but not together; the worst there is the worst of all poses.
     """
     bands = ad.Bands(structure=(0.0, 1.0), payload=(0.8, 1.2))
     shares = np.arange(1, 16) / 16
@@ -196,7 +196,7 @@ def test_places_between_the_corners_are_found_as_whole_machines_are(
 
 
 def test_a_new_machine_keeps_the_structure_of_todays() -> None:
-    """In m/N: larger cylinders have stiffer oil, but brackets and pins are those of today."""
+    """In m/N: larger cylinders have stiffer oil, but brackets and pins are today's."""
     today = machines.named("excavator_20t")
     new = today.replace({"cylinder.boom.bore_mm": 150, "cylinder.stick.stroke_mm": 1600})
     bands = ad.Bands(structure=(0.0, 1.0))

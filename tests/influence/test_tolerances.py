@@ -93,7 +93,7 @@ def test_a_machine_searched_anew_is_what_the_batch_says() -> None:
 
 @pytest.mark.slow
 def test_small_tolerances_are_linear() -> None:
-    """A tenth of the width, a hundredth of the error; and the share is that of the linear one."""
+    """A tenth of the width, a hundredth of the error; and the share equals the linear one."""
     errors = []
     for scale in (1.0, 0.1):
         widths = f"pin_mm = {scale}\npayload_percent = {10 * scale}\ncompliance_percent = {scale}"
@@ -106,7 +106,7 @@ def test_small_tolerances_are_linear() -> None:
 
 
 def test_variance_adds_up(answer: ad.Tolerances) -> None:
-    """Of independent numbers: the deviation of the linear estimate is that of its parts."""
+    """Of independent numbers: the deviation of the linear estimate follows from its parts."""
     table = answer.by_number
     assert table["variance"].sum() == pytest.approx(1.0)
     assert table["number"].iloc[0] == "fluid.entrained_air_percent"

@@ -67,7 +67,7 @@ def test_linear_estimates_of_derivatives_and_of_differences_agree() -> None:
 
 
 def test_further_quantities_stand_beside_the_others() -> None:
-    """The cube of a bore, whose linear change is three times that of the bore."""
+    """The cube of a bore, whose linear change is three times the bore's."""
 
     def cube(mapped: ad.FrequencyMap) -> dict[str, tuple[float, str]]:
         return {"cube": (mapped.machine.cylinders[0].bore ** 3, "m³")}

@@ -25,7 +25,7 @@ SEEDS = range(8)
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[2:])]
 )
 def test_matrices_are_derivatives_of_the_total_energy(seed: int) -> None:
-    """K is the curvature of the potential energy at rest, M that of the kinetic one; no force is
+    """K is the curvature of the potential energy at rest, M the kinetic energy's; no force is
     left: the springs' preload holds what gravity needs.
     """
     machine = random_sprung(seed)

@@ -289,7 +289,7 @@ def test_the_papers_40_configurations_through_the_general_machine() -> None:
 
 
 def test_the_papers_findings() -> None:
-    """Section 4: frequencies fall with load and length, and those of the rigid load are far too
+    """Section 4: frequencies fall with load and length, and the rigid load's are far too
     high.
 
     Its RMSE of 23.4900 rad/s cannot be compared: the paper does not give its dimensions.

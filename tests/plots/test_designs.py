@@ -52,7 +52,7 @@ def test_curves_of_a_motor() -> None:
 
 
 def test_lift_charts_of_two_machines_have_one_scale() -> None:
-    """Points of both lie within the axes of either; the ratio is that of the points they share."""
+    """Points of both lie within the axes of either; the ratio is taken where both have a point."""
     charts = {
         name: lift_chart(machines.named(name)) for name in ("excavator_20t", "excavator_12t")
     }

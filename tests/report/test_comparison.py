@@ -19,7 +19,7 @@ CHANGES = {"cylinder.boom.bore_mm": 126, "cylinder.boom.closed_length_mm": 1825}
 
 @pytest.mark.slow
 def test_two_versions_in_one_workspace() -> None:
-    """Areas alone change: the poses stay, so the second map is that of the new machine on today's
+    """Areas alone change: the poses stay, so the second map shows the new machine on today's
     poses.
     """
     comparison = compare(EXCAVATOR, EXCAVATOR.replace(CHANGES), 5)

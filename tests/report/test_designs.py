@@ -18,7 +18,7 @@ BANDS = ad.Bands(structure=(0.0, 1.0))
 @pytest.mark.slow
 @pytest.mark.parametrize("catalogue", ["5mm", "free"])
 def test_what_buildability_costs(catalogue: str) -> None:
-    """The gain of the machine as written beside that of the best start, before any steps."""
+    """The gain of the machine as written beside the best start's, before any steps."""
     machine, space = MACHINES["double"](), workspace_of("double")
     design = ad.optimize(machine, space, catalogue=catalogue, starts=1, bands=BANDS)
     gains = re.findall(

@@ -14,7 +14,7 @@ from tests.machines import BOOM, LIFT, STICK, build, named
 
 @pytest.mark.parametrize("name", ["excavator_20t", "patu_boom"])
 def test_a_wider_bore_point_by_point(name: str) -> None:
-    """Rows and ratios are those of both charts; the strokes, and so the joint ranges, differ."""
+    """Rows and ratios agree with both charts; the strokes, and so the joint ranges, differ."""
     today = named(name)
     (path, stroke), bore = (
         (f"cylinder.{today.cylinders[0].name}", today.cylinders[0].stroke),

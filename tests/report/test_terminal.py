@@ -84,7 +84,7 @@ def test_the_page() -> None:
     report = Report(title=EVIL, lead=EVIL, headline=headline, sections=(section,))
     text = page(Report.of_text(report.text()), Path())
     assert not controls(text)
-    # head, heading, lead, three of the headline, two of the section, and those of the sheet, whose
+    # head, heading, lead, three of the headline, two of the section, and the sheet's, whose
     # title is its label too
     assert text.count(SHOWN) == 3 + 3 + 2 + 5
 

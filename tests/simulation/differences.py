@@ -88,7 +88,7 @@ def jacobian(f: Callable[[Array], Array], x: Array, steps: Array) -> Array:
 
 
 def assert_same(plant: Plant, model: LinearModel, tolerance: float = 1e-7) -> None:
-    """A, B and rows of C (pistons, tool) are those of differences: every entry, in scaled units.
+    """A, B and rows of C (pistons, tool) equal differences: every entry, in scaled units.
 
     A row is measured by its largest entry, each state by a size of its own.
     """

@@ -1,4 +1,4 @@
-"""Damped modes against those of trapped oil, and participation against perturbed poles."""
+"""Damped modes against modes of trapped oil, and participation against perturbed poles."""
 
 from __future__ import annotations
 

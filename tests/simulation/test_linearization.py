@@ -153,7 +153,7 @@ def test_without_python_control_the_remedy_is_named(
 @pytest.mark.parametrize("leak", ["leakage_l_per_min_per_bar", "overlap_percent"])
 def test_a_map_says_where_leaking_valves_set_other_pressures(leak: str) -> None:
     """Oil with air behind valves that leak: the frequency that the map tells beside its own is
-    that of a free decay.
+    the frequency of a free decay.
     """
     size = -1.0 if leak == "overlap_percent" else 1e-4
     machine = ad.load("paper_1dof").replace(

@@ -22,7 +22,7 @@ def stopped(pose: tuple[float, float, float], size: float) -> ad.Simulation:
 
 @pytest.mark.slow
 def test_a_stop_rings_at_the_linear_frequency_or_says_what_cavitated() -> None:
-    """Issue 13: within 1 % of the linear frequency of the pose, which is that of the arm where it
+    """Issue 13: within 1 % of the linear frequency of the pose, which is the arm's where it
     stands in the end; else the chambers are named that ran empty, by their pressures.
     """
     soft, hard = (stopped(*case).ring() for case in ((SPREAD, 0.02), (HARD, 0.3)))
@@ -36,7 +36,7 @@ def test_a_stop_rings_at_the_linear_frequency_or_says_what_cavitated() -> None:
 @pytest.mark.slow
 def test_the_window_begins_when_the_spools_rest() -> None:
     """The valve is shut at 1.1 s; its spool, 10 Hz with ζ 0.8, lags by some 0.1 s. The linear
-    answer is that of the mean pose in the window.
+    answer belongs to the mean pose in the window.
     """
     run = stopped(SPREAD, 0.02)
     ring = run.ring()

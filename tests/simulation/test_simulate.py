@@ -84,7 +84,7 @@ def test_energy_is_conserved_once_the_valves_are_shut(name: str) -> None:
     ringing = run.time > 2.0
     rings = replace(
         run, **{k: v[ringing] for k, v in vars(run).items() if isinstance(v, np.ndarray)}
-    )  # since t0 = 2 s the trapped oil is that of the first row
+    )  # since t0 = 2 s the trapped oil is what the first row has
     total = rings.energy + oil_energy(excavator, rings)
     exchanged = np.ptp(rings.energy)
     assert exchanged > 500  # J: it does ring

@@ -38,7 +38,7 @@ def test_at_rest_it_stays(machine: ad.Machine) -> None:
 
 
 def test_poles_are_the_modes(machine: ad.Machine) -> None:
-    """Undamped, the plant's poles are those of K v = ω² M v, springs among them."""
+    """Undamped, the plant's poles solve K v = ω² M v, springs among them."""
     q = off_middle(machine)
     linear = linearize(machine, q)
     assert_allclose(

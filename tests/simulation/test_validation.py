@@ -169,8 +169,8 @@ def test_small_sweeps_find_the_damped_frequency_of_every_shipped_machine(name: s
 
 @pytest.mark.slow
 def test_dry_friction_stands_beside() -> None:
-    """With the dry friction of the file: the sweep without it is that of the machine without, the
-    one with it is told too. Viscous friction is small, as in the model that the file is from.
+    """With the dry friction of the file: the sweep without it equals the machine's without;
+    the one with it is told too. Viscous friction is small, as in the model that the file is from.
 
     Dry friction takes more from a small motion, so the identified damping grows as the amplitude
     falls (as 4 F/π X ω, by 1/X), where an open valve's falls with it.
@@ -303,7 +303,7 @@ def test_deviation_vanishes_with_amplitude() -> None:
 def test_the_default_amplitude_lets_the_mean_stand_where_it_agrees() -> None:
     """Bucket of the 20 t machine at its best pose, where the frequency changes most with the
     position: the sine moves the piston to one side, so that half the amplitude halves the
-    deviation, and most of it is that of the linear frequency at the mean pose of the run.
+    deviation, and most of it is the deviation of the linear frequency at the mean pose of the run.
     """
     machine = ad.load("excavator_20t").with_payload("empty")
     full, half = validate(machine, BEST, cylinders=["bucket"]).runs

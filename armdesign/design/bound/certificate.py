@@ -1,6 +1,6 @@
 """An upper bound on the worst frequency that no pins and areas, or no areas, can exceed.
 
-Areas are any, or those of a catalogue's sizes, where a problem has one and pins move.
+Areas are any, or a catalogue's sizes, where a problem has one and pins move.
 
 The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows
 and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is

@@ -45,7 +45,7 @@ def bound_of(search: Search) -> float:
 def feasible_designs(
     problem: Problem, count: int, seed: int = 0, own: str = ""
 ) -> list[np.ndarray]:
-    """Random pins and areas that meet all requirements, or those of one cylinder, by ``limits`` at
+    """Random pins and areas that meet all requirements, or one cylinder's, by ``limits`` at
     all holding rows.
     """
     random = np.random.default_rng(seed)
@@ -325,8 +325,8 @@ def test_no_bound_where_joints_are_shared() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("vary", [("areas",), ("areas", "pins")])
 def test_structure_lowers_the_bound_too(vary: tuple[str, ...]) -> None:
-    """Of one cylinder: above all random designs, near the best found, below that of oil alone and
-    of structure alone.
+    """Of one cylinder: above all random designs, near the best found, below the bounds of oil
+    alone and of structure alone.
 
     The latter is the limit of a rigid oil: k = 1/c, of which only moment arms count.
     """
@@ -374,7 +374,7 @@ def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None
 
 
 def test_chambers_are_no_stiffer_than_their_pressures_let_them() -> None:
-    """Air's β over boxes of pins and volumes is never below that of a machine in them, by its own
+    """Air's β over boxes of pins and volumes is never below a machine's in them, by its own
     static pressures.
     """
     hose = "hose = { cap_l = 0.9, annulus_l = 0.4, bulk_modulus_MPa = 400 }"

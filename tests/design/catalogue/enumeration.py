@@ -70,7 +70,7 @@ def enumerated(
 
 
 def around(machine: Machine, seed: int, count: int) -> list[tuple[float, float]]:
-    """Sizes near those of the machine, no two alike."""
+    """Sizes near the machine's, no two alike."""
     random = np.random.default_rng(seed)
     chosen = random.integers(0, len(machine.cylinders), count)
     bores = np.array([machine.cylinders[i].bore for i in chosen]) * random.uniform(

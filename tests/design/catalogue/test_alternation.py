@@ -165,7 +165,7 @@ def test_pins_follow_the_chosen_sizes() -> None:
     assert both.today is machine
     assert both.catalogue
     assert not free.catalogue
-    assert both.bound is not None  # of free sizes and pins: so of those of a catalogue too
+    assert both.bound is not None  # of free sizes and pins: so of a catalogue's sizes too
     assert both.bound >= free.unrounded
     # of sizes that do not move
     assert not any(gain for name, gain in both.prices.items() if name.startswith("thrust"))

@@ -40,7 +40,7 @@ def posed(
     proportional: bool = False,
     **change: object,
 ) -> Problem:
-    """The problem of a machine; changes are those of its requirements."""
+    """The problem of a machine; changes are to its requirements."""
     return Problem.of(
         machine=machine,
         workspace=Workspace.grid(machine, points=points),

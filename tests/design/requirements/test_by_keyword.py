@@ -1,4 +1,4 @@
-"""Requirements by keyword are those of a file that says the same."""
+"""Requirements by keyword equal what a file reads that says the same."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def _exchanged(pattern: str, text: str, chance: random.Random) -> str:
 
 
 def _link(text: str, chance: random.Random) -> str:
-    """A quoted name, mostly that of a link or joint, in the place of another."""
+    """A quoted name, mostly of a link or joint, in the place of another."""
     return _exchanged(QUOTED, text, chance)
 
 

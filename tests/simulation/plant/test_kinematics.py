@@ -1,4 +1,4 @@
-"""Geometry, bars and rigid bodies of the simulation are those of ``Poses``, independent formulas,
+"""Geometry, bars and rigid bodies of the simulation agree with ``Poses``, independent formulas,
 on every machine.
 """
 

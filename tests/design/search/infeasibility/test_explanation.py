@@ -43,7 +43,7 @@ ASKED: dict[str, Callable[[Machine, np.random.Generator], dict[str, Any]]] = {
                        joints=dict.fromkeys(m.joints, 0.0)),)
     },
 }  # fmt: skip
-RANDOM = [  # those of the first seeds that are in conflict
+RANDOM = [  # the first seeds that are in conflict
     *(("single", ("areas",), seed) for seed in (0, 2, 3, 5, 6)),
     *(("double", ("areas",), seed) for seed in (0, 1, 2, 3, 4, 5)),
     *(("twins", ("areas",), seed) for seed in (0,)),
@@ -52,7 +52,7 @@ RANDOM = [  # those of the first seeds that are in conflict
 ]
 
 
-OF_A_CATALOGUE = [  # those of the first seeds that are in conflict
+OF_A_CATALOGUE = [  # the first seeds that are in conflict
     *(("double", ("areas",), "iso", seed) for seed in (0, 1, 2, 3, 4)),
     *(("double", ("areas", "pins"), "iso", seed) for seed in (1, 2, 4)),
     *(("single", ("areas", "pins"), "5mm", seed) for seed in (0, 2)),
