@@ -106,8 +106,8 @@ def write_control_report(
     units: Units,
 ) -> None:
     """Write bandwidths of machines by label, with their report."""
+    from armdesign.report.bandwidths import bandwidth_report
     from armdesign.report.contents import Picture
-    from armdesign.report.map_reports import bandwidth_report
 
     pictures = []
     for label, bandwidths in maps.items():

@@ -1,4 +1,4 @@
-"""Reports of one machine: of its map, its validation, its bandwidths; and what they assume."""
+"""Reports of one machine: of its map and of its validation; and what they assume."""
 
 from __future__ import annotations
 
@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands, FrequencyBand
 from armdesign.frequency.worst_frequency import WorstPose, worst_anywhere
-from armdesign.machine.poses import pose_text
 from armdesign.report.bands import end_names, is_assumed, widths
-from armdesign.report.bandwidths import bandwidth_sentence
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
-from armdesign.report.scene import bandwidth_scene, scene_of
+from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
-    from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.frequency.workspace import Workspace
     from armdesign.machine.machine import Machine
@@ -69,60 +66,6 @@ def map_report(
         ),
         scene=scene_of({machine.name: frequencies}),
     )
-
-
-def bandwidth_report(
-    maps: Mapping[str, BandwidthMap],
-    sheets: Sequence[Sheet],
-    pictures: Sequence[Picture],
-    provenance: Sheet,
-    units: Units = WORKSHOP,
-) -> Report:
-    """Report of bandwidth maps.
-
-    Args:
-        maps: of one machine, or of several by their labels.
-        sheets: their tables, of ``bandwidth_sheets``.
-        pictures: of the maps.
-        provenance: table of how it was made.
-        units: of the poses.
-    """
-    first = next(iter(maps.values())).machine
-    named = {label or first.name: one for label, one in maps.items()}
-    return Report(
-        title=f"{first.section.title or first.name}: bandwidth of position loops",
-        lead=bandwidth_sentence(maps),
-        headline=_bandwidth_headline(list(maps.values()), units),
-        sections=(
-            ReportSection(title="What controllers reach", sheets=tuple(sheets)),
-            ReportSection(title="The machine in its worst pose", shows="drawing"),
-            ReportSection(
-                title="Map of bandwidths, with pressure feedback and own gains",
-                shows="maps",
-                pictures=tuple(pictures),
-            ),
-            ReportSection(title="Provenance", sheets=(provenance,)),
-        ),
-        scene=bandwidth_scene(named),
-    )
-
-
-def _bandwidth_headline(maps: Sequence[BandwidthMap], units: Units) -> tuple[HeadlineNumber, ...]:
-    """The worst bandwidth without and with pressure feedback, and the lowest frequency."""
-    kinds = {
-        "bandwidth of position loops alone": ("proportional_hz", "proportional"),
-        "with pressure feedback and own gains": ("own_hz", "own"),
-        "lowest natural frequency": ("f1_hz", ""),
-    }
-    numbers = []
-    for name, (column, scheme) in kinds.items():
-        rows = [one.worst(scheme) if scheme else one.softest for one in maps]
-        machine, row = maps[-1].machine, rows[-1]
-        at = pose_text(machine, row[list(machine.joints)].to_numpy(dtype=float), units)
-        value = " → ".join(f"{float(one[column]):.3g}" for one in rows)
-        words = f"{at}, payload {row['payload']}"
-        numbers.append(HeadlineNumber(name=name, value=f"{value}\u00a0Hz", words=words))
-    return tuple(numbers)
 
 
 def plain_report(title: str, lead: str, sections: Sequence[ReportSection]) -> Report:

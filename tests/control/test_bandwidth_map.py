@@ -125,10 +125,11 @@ def test_a_missing_valve_is_said() -> None:
 
 
 def test_a_margin_that_no_gains_keep_is_said() -> None:
+    machine = ad.load("paper_1dof")
+    workspace = ad.Workspace.grid(machine, points=3)
+    margins = {"gain_margin_db": 120.0, "phase_margin": 1.5707}
     with pytest.raises(ad.ArmDesignError, match=r"no gains keep 120 dB.*ask for less, as 6 dB"):
-        ad.bandwidth_map(
-            ad.load("paper_1dof"), damping=0.02, gain_margin_db=120.0, phase_margin=1.5707
-        )
+        ad.bandwidth_map(machine, workspace, damping=0.02, **margins)
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def test_margins_of_own_gains_hold_at_fifty_poses() -> None:
     assert np.median(wider) > 1.3
 
 
-@pytest.mark.parametrize("loop", [0, 1, 2])
+@pytest.mark.parametrize("loop", [pytest.param(k, marks=pytest.mark.slow) for k in (0, 1)] + [2])
 def test_loops_of_own_gains_by_python_control(loop: int) -> None:
     """Each position loop at 50 poses, the others closed: disk margin, stability of the closed."""
     plant = many_plants()
@@ -96,6 +96,7 @@ def test_the_worst_pose_is_that_of_differential_evolution() -> None:
         assert worst["own_hz"] > 0.95 * theirs.figures.narrowest[0] / (2 * math.pi)
 
 
+@pytest.mark.slow
 def test_the_same_gains_again() -> None:
     machine = ad.load("mini_excavator_2t")
     workspace = ad.Workspace.grid(machine, points=2)

@@ -41,7 +41,7 @@ def test_steps_in_maps_are_explained(plane: str) -> None:
     """Where a load case ends, a map jumps: said where a machine has such cases, nowhere else."""
     words = "steps: where the pitch of bucket ends load case full"
     for name, said in (("excavator_20t", True), ("loader_crane", False)):
-        title = plots.map_figure(mapped(name), plane).axes[0].get_title()
+        title = plots.map_figure(mapped(name, 4), plane).axes[0].get_title()
         assert (words in title) == said
 
 

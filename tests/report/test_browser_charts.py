@@ -12,9 +12,9 @@ import armdesign as ad
 from armdesign.drawing.colours import actuator_colours
 from armdesign.plots import chart_figure
 from armdesign.plots.charts import Chart
-from armdesign.report.bandwidths import bandwidth_sheets
+from armdesign.report.bandwidths import bandwidth_report, bandwidth_sheets
 from armdesign.report.contents import Picture, ReportSection
-from armdesign.report.map_reports import bandwidth_report, plain_report
+from armdesign.report.map_reports import plain_report
 from armdesign.report.page import page
 from armdesign.report.sheet import Sheet
 from armdesign.report.validations import validation_chart
