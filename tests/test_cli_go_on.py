@@ -17,6 +17,7 @@ CASES = [
     (signal.SIGKILL, "pareto paper_1dof --points 5 --values 0.9,1.0,1.1 --vary areas --out out"),
     (signal.SIGKILL, "validate paper_1dof --points 5 --out out"),
     (signal.SIGKILL, "design paper_1dof --points 3 --starts 1 --out out"),
+    (signal.SIGKILL, "paper --out out"),
 ]
 
 # The command in children of a process that has opened all libraries; each is ended at a random
