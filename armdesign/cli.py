@@ -31,6 +31,7 @@ from armdesign.options import (
     LeastOption,
     MachineArgument,
     PointsOption,
+    PosesWorkersOption,
     VaryOption,
 )
 from armdesign.output import tell, write_csv
@@ -143,7 +144,7 @@ def optimize(
 
 @app.command()
 @command
-def validate(run: OverWorkspace) -> None:
+def validate(run: OverWorkspace, workers: PosesWorkersOption = 1) -> None:
     """Compare the linear answer with nonlinear simulation.
 
     Moves every cylinder at the worst, the median and the best pose. Writes validation.csv,
@@ -159,7 +160,7 @@ def validate(run: OverWorkspace) -> None:
     with run.progress("simulating the worst, the median and the best pose"):
         model, workspace, out = run.open_workspace()
         run.go_on(out)
-        answer = validation.validate(model, workspace=workspace)
+        answer = validation.validate(model, workspace=workspace, workers=workers)
         validations = answer.by_pose
     items: list[Any] = [validation_sheet(validations), f"{verdict(list(validations.values()))}."]
     charts = {"deviations.png": validation_chart(answer, actuator_colours(model))}
@@ -199,7 +200,7 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
         answer = _design(model, workspace, options, say)
         say("simulating the worst, the median and the best pose, today and new")
         try:
-            both = validate_maps([answer.before, answer.after])
+            both = validate_maps([answer.before, answer.after], search.workers or 1)
         except KeyboardInterrupt:
             output.keep_machine(answer, out)
             raise

@@ -88,8 +88,12 @@ WorkersOption = Annotated[
     typer.Option(
         "--workers",
         min=1,
-        help="Processes that share the starts; default: 1, for steps each core.",
+        help="Processes that share the starts, and the poses of simulations; default: 1, for"
+        " steps each core.",
     ),
+]
+PosesWorkersOption = Annotated[
+    int, typer.Option("--workers", min=1, help="Processes that share the poses.")
 ]
 PointsOption = Annotated[
     str,

@@ -169,6 +169,7 @@ def validate(
     cylinders: Sequence[str] | None = None,
     amplitude: float | None = None,
     workspace: Workspace | None = None,
+    workers: int = 1,
 ) -> Validation:
     """Natural frequencies measured in the nonlinear model against the linear ones.
 
@@ -185,6 +186,7 @@ def validate(
         amplitude: mean opening of the valve, 0…1; each sweep is run with it and with half of it.
             Default: see ``Experiment.default_amplitude``.
         workspace: where poses are chosen; default: ``Workspace.grid(machine)``.
+        workers: processes that share the poses. The answer does not depend on it.
 
     Raises:
         PoseError: a pose cannot be taken.
@@ -212,18 +214,18 @@ def validate(
         loaded = [machine if payloads is None else machine.with_payload(name) for name in names]
         poses = enumerate(machine.at(q).q, 1)
         places = [NamedPose(str(number), case, pose) for number, pose in poses for case in loaded]
-    validation = _validations([places], Wanted(cylinders, amplitude))[0]
+    validation = _validations([places], Wanted(cylinders, amplitude), workers)[0]
     if not validation.runs:
         raise_together([failure.error for failure in validation.failures])
     return validation
 
 
-def validate_maps(maps: Sequence[FrequencyMap]) -> list[Validation]:
+def validate_maps(maps: Sequence[FrequencyMap], workers: int = 1) -> list[Validation]:
     """Validation of several machines at once, at worst, median and best pose of each map.
 
     What cannot be run is a failure, even if that is all: so the other machines are not lost.
     """
-    return _validations([_extreme_places(each, None) for each in maps], Wanted())
+    return _validations([_extreme_places(each, None) for each in maps], Wanted(), workers)
 
 
 def _refuse_empty(machine: Machine, **arguments: object) -> None:
@@ -360,7 +362,9 @@ def _group(
     ]
 
 
-def _validations(machines: Sequence[list[NamedPose]], wanted: Wanted) -> list[Validation]:
+def _validations(
+    machines: Sequence[list[NamedPose]], wanted: Wanted, workers: int
+) -> list[Validation]:
     """The sweeps at the places of some machines, each place a piece of a journal that is open."""
     places = [place for of_one in machines for place in of_one]
 
@@ -369,8 +373,14 @@ def _validations(machines: Sequence[list[NamedPose]], wanted: Wanted) -> list[Va
         return [machine.identity, name, pose.tolist(), wanted.cylinders, wanted.amplitude]
 
     def swept(missing: list[int]) -> Iterator[tuple[int, list[FittedMode | Failure]]]:
-        for k in counted(missing, "pose"):
-            yield k, _sweeps(_plan(places[k], wanted))
+        if workers <= 1 or len(missing) < 2:
+            yield from ((k, _swept(places[k], wanted)) for k in counted(missing, "pose"))
+            return
+        from joblib import Parallel, delayed
+
+        tasks = [delayed(_numbered)(k, places[k], wanted) for k in missing]
+        answers = Parallel(workers, return_as="generator_unordered")(tasks)
+        yield from counted(answers, "pose", len(tasks))
 
     pieces = iter(all_finished("sweeps at a pose", len(places), identity, swept, form()))
     return [
@@ -379,8 +389,14 @@ def _validations(machines: Sequence[list[NamedPose]], wanted: Wanted) -> list[Va
     ]
 
 
-def _sweeps(groups: Sequence[list[PlannedSweep] | Failure]) -> list[FittedMode | Failure]:
-    """All planned sweeps as one stacked run."""
+def _numbered(k: int, place: NamedPose, wanted: Wanted) -> tuple[int, list[FittedMode | Failure]]:
+    """The sweeps at a place, with its number."""
+    return k, _swept(place, wanted)
+
+
+def _swept(place: NamedPose, wanted: Wanted) -> list[FittedMode | Failure]:
+    """The sweeps at a place as one stacked run."""
+    groups = _plan(place, wanted)
     cases = [planned.case for group in groups if isinstance(group, list) for planned in group]
     motions = iter(attempt_all(cases, tolerance=TOLERANCE))
     sweeps: list[FittedMode | Failure] = []

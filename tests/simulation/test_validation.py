@@ -393,3 +393,11 @@ def test_faults(excavator: Machine) -> None:
     bare = replace(excavator, cylinders=tuple(replace(c, valve=None) for c in excavator.cylinders))
     with pytest.raises(SimulationError, match=r"cylinder\.boom\.valve: missing"):
         validate(bare, WORST)
+
+
+@pytest.mark.slow
+def test_processes_share_the_poses() -> None:
+    """The same numbers, to the last digit, in the same order."""
+    machine, poses = ad.load("paper_1dof"), [[0.0], [0.3], [-0.3]]
+    alone, shared = (ad.validate(machine, poses, workers=n) for n in (1, 2))
+    pd.testing.assert_frame_equal(alone.frame, shared.frame, check_exact=True)
