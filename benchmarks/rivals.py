@@ -21,7 +21,7 @@ from scipy.optimize import differential_evolution, minimize
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import constraints_at, holding_rows
 from armdesign.design.program.corners import Pistons
-from armdesign.design.program.design_vector import RANGE_POSES, Geometry
+from armdesign.design.program.design_vector import PROGRAMME_POSES, Geometry
 from armdesign.design.program.dynamics import lowest
 from armdesign.design.program.gradient import SteppedDesign
 from armdesign.design.program.problem import Problem
@@ -127,7 +127,7 @@ class Judge:
         pistons = Pistons(extension, new.stroke[0], new.areas[0], forces)
         stiffness = dynamics.actuator_stiffness(dynamics.rows.corner, g[pose], pistons) + slope
         lower = dynamics.inverse_cholesky_of(mass, rows)
-        reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
+        reference = reference_of(problem.machine, problem.requirements, PROGRAMME_POSES)
         evaluated = evaluations(new, reference, lambda: forces[None])
         values = np.array([e.constraint[0].real.min() for e in evaluated])
         missed = np.where(np.isfinite(values), np.maximum(-values, 0.0), 10.0)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.bound.certificate import Bound, bound_of
+from armdesign.design.bound.certificate import Certificate, certificate_within_bands
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import documented
@@ -220,7 +220,7 @@ class Design:
         return notebook.of_design(self)
 
     @cached_property
-    def certificate(self) -> Bound | None:
+    def certificate(self) -> Certificate | None:
         """Upper bound on ``unrounded`` of all designs of this kind, with its assumptions.
 
         Where pins vary it takes seconds to find.
@@ -237,10 +237,10 @@ class Design:
             most = self.best_sizes.bound
             refused = "the one of all combinations lies below the best"
             refused = "" if math.isfinite(most) else refused
-            bound = Bound(frequency=most, held=(), assumptions=words, refused=refused)
+            bound = Certificate(frequency=most, held=(), assumptions=words, refused=refused)
             return bound.above(self.unrounded)
         free = replace(self.problem, sizes=()) if self.catalogue else self.problem
-        known = bound_of(free, self.x, self.watched)
+        known = certificate_within_bands(free, self.x, self.watched)
         reached = self.problem.dynamics.corners.judged(self.machine)
         most = max(self.unrounded, reached)
         return known and known.above(most).useful(most)
@@ -251,8 +251,8 @@ class Design:
 
         None: none is known. As ``unrounded`` where a gain was to be made large.
         """
-        known = self.certificate is not None and math.isfinite(self.certificate.frequency)
-        return self.certificate.frequency if self.certificate and known else None
+        known = self.certificate
+        return known.frequency if known and math.isfinite(known.frequency) else None
 
     @property
     def gap(self) -> float | None:

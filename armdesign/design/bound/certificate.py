@@ -58,7 +58,7 @@ JOINING = 8  # poses at a time
 CLOSE_FOR_AREAS = 1e-4  # of ω², between the bound and the lowest pose, where rounds end
 
 
-def bound_of_areas(search: Search) -> float | None:
+def areas_bound(search: Search) -> float | None:
     """Worst frequency [Hz] that no areas can exceed with a search's pins; None where unknown."""
     try:
         enclosed = convex_relaxation(search.problem)
@@ -67,7 +67,7 @@ def bound_of_areas(search: Search) -> float | None:
     if enclosed is None:
         return None
     linear, low, high = enclosed
-    bound = _bound_of_poses(
+    bound = _lowest_dual_bound(
         search,
         (*padded(linear.values, linear.jacobian), np.zeros(len(low)), high - low),
         (low, high),
@@ -75,7 +75,9 @@ def bound_of_areas(search: Search) -> float | None:
     return hertz(bound * search.reference) if math.isfinite(bound) else None
 
 
-def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, Array]) -> float:
+def _lowest_dual_bound(
+    search: Search, room: tuple[Array, ...], ends: tuple[Array, Array]
+) -> float:
     """The lowest bound on ω² over the reference of a few programmes of few poses each."""
     problem, x, rows, bound = search.problem, search.x, search.rows, math.inf
     squared = problem.dynamics.omega_squared(x, rows)
@@ -93,10 +95,10 @@ def _bound_of_poses(search: Search, room: tuple[Array, ...], ends: tuple[Array, 
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
         of_chords = dual_bound(step, base[chosen], slopes[:, chosen], *room)
-        moving = bound_of_moving_mass(
+        of_moving_masses = bound_of_moving_mass(
             of_chords, near / search.reference, exact_certificate(step), light[chosen]
         )
-        bound = min(bound, moving)
+        bound = min(bound, of_moving_masses)
         lowest = np.linalg.eigvalsh(base + np.einsum("vnij,v->nij", slopes, step.change))[:, 0]
         worse = np.setdiff1d(np.argsort(lowest)[:JOINING], chosen)
         if len(worse) == 0 or lowest.min() > bound * (1 - CLOSE_FOR_AREAS):
@@ -112,7 +114,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bound:
+class Certificate:
     """No design within boxes and requirements has a worst frequency above ``frequency`` [Hz].
 
     Attributes:
@@ -129,7 +131,7 @@ class Bound:
     assumptions: tuple[str, ...]
     refused: str = ""
 
-    def above(self, reached: float) -> Bound:
+    def above(self, reached: float) -> Certificate:
         """The bound as it may be stated beside an allowed design that reaches so much [Hz].
 
         Never below it: raised to it, where only rounding lies between; where more does, the proof
@@ -143,7 +145,7 @@ class Bound:
         )
         return replace(self, frequency=math.inf, refused=words)
 
-    def useful(self, reached: float) -> Bound:
+    def useful(self, reached: float) -> Certificate:
         """The bound, or none where it says next to nothing of a design that reaches so much."""
         if not math.isfinite(self.frequency) or self.frequency <= USEFUL * reached:
             return self
@@ -155,7 +157,7 @@ class Bound:
         return replace(self, frequency=math.inf, refused=words)
 
 
-def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
+def certificate_within_bands(problem: Problem, x: Array, rows: Array) -> Certificate | None:
     """The bound on all designs of a problem, for whatever objective within its bands.
 
     None where none is known. Where only structure and masses differ within the bands, multipliers
@@ -164,42 +166,42 @@ def bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
 
     Args:
         problem: the design problem.
-        x: a good design, as in ``upper_bound``.
+        x: a good design, as in ``certificate_of``.
         rows: rows that may enter.
     """
 
-    def read(_: int, answer: Mapping[str, Any]) -> Bound | None:
+    def read(_: int, answer: Mapping[str, Any]) -> Certificate | None:
         if not answer:
             return None
         words = {name: tuple(answer[name]) for name in ("held", "assumptions")}
-        return Bound(**{**answer, **words})
+        return Certificate(**{**answer, **words})
 
     return finished(
         "bound",
         lambda: [problem.identity, x.tolist(), rows.tolist()],
-        lambda: _bound_of(problem, x, rows),
+        lambda: _computed_within_bands(problem, x, rows),
         Form(write=lambda _, bound: asdict(bound) if bound else {}, read=read),
     )
 
 
-def _bound_of(problem: Problem, x: Array, rows: Array) -> Bound | None:
-    """The bound, computed."""
+def _computed_within_bands(problem: Problem, x: Array, rows: Array) -> Certificate | None:
+    """``certificate_within_bands``, computed."""
     dynamics = problem.dynamics
     if not dynamics.corners.gain:
-        return upper_bound(problem.softest, x, rows)
+        return certificate_of(problem.softest, x, rows)
     corners, squared = dynamics.corners, dynamics.omega_squared(x)
     least = [squared[dynamics.rows.corner == k].min() for k in range(len(corners.all))]
     if _alike(problem):
         all_own = [np.flatnonzero(dynamics.rows.corner == k) for k in range(len(corners.all))]
         lowest_of = [own[np.argsort(squared[own])[:WATCHED]] for own in all_own]
-        return upper_bound(problem, x, np.unique(np.concatenate([rows, *lowest_of])))
+        return certificate_of(problem, x, np.unique(np.concatenate([rows, *lowest_of])))
     bounds = []
     for end in range(len(corners.ends)):
         k = min(np.flatnonzero(corners.end == end), key=lambda k: least[k])
         own = np.flatnonzero(dynamics.rows.corner == k)
         lowest = own[np.argsort(squared[own])[:WATCHED]]
         watched = np.union1d(lowest, rows[dynamics.rows.corner[rows] == k]) - own[0]
-        if bound := upper_bound(problem.at_corner(int(k)), x, watched):
+        if bound := certificate_of(problem.at_corner(int(k)), x, watched):
             ratio = math.sqrt(corners.weights[k])
             bounds.append(replace(bound, frequency=bound.frequency / ratio))
     return min(bounds, key=lambda bound: bound.frequency, default=None)
@@ -214,7 +216,7 @@ def _alike(problem: Problem) -> bool:
     return moving and problem.vector.moving_masses is None and plain == Bands()
 
 
-def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
+def certificate_of(problem: Problem, x: Array, rows: Array) -> Certificate | None:
     """The bound on the worst frequency of all designs of a problem with exact oil and structure.
 
     None where none is known. Where no pin varies it is the search's own.
@@ -228,25 +230,23 @@ def upper_bound(problem: Problem, x: Array, rows: Array) -> Bound | None:
     has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
     is allowed, is refused.
     """
-    bound = _unchecked(problem, x, rows)
+    bound = _before_check(problem, x, rows)
     if bound is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
         return bound
     return bound.above(hertz(float(problem.dynamics.omega_squared(x).min())))
 
 
-def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:
-    """The bound, whatever x reaches."""
-    moving = any(v.pin is not None for v in problem.vector.variables)
-    known = None if moving else bound_of_areas(Search(problem=problem, x=x, rows=rows))
-    if known is not None:
-        return Bound(frequency=known, held=(), assumptions=_assumptions(problem, ()))
+def _before_check(problem: Problem, x: Array, rows: Array) -> Certificate | None:
+    """``certificate_of``, whatever x reaches."""
+    if not problem.vector.moving:
+        known = areas_bound(Search(problem=problem, x=x, rows=rows))
+        if known is not None:
+            return Certificate(frequency=known, held=(), assumptions=_assumptions(problem, ()))
     bars = bar_enclosures(problem)
-    driving = (
-        ()
-        if problem.dynamics.corners.proportional or bars is None
-        else joint_drives(problem, bars)
-    )
-    if not driving or bars is None:
+    if bars is None or problem.dynamics.corners.proportional:
+        return None
+    driving = joint_drives(problem, bars)
+    if not driving:
         return None
     dual = LagrangianDual.start(problem, driving, x, rows, bars)
     best = lowest_bound(dual)
@@ -254,7 +254,7 @@ def _unchecked(problem: Problem, x: Array, rows: Array) -> Bound | None:
         return None
     driven = {d.cylinder for d in driving}
     held = tuple(c.name for i, c in enumerate(problem.machine.cylinders) if i not in driven)
-    return Bound(
+    return Certificate(
         frequency=hertz(best * dual.reference) * (1 + ROUNDING),
         held=held,
         assumptions=_assumptions(problem, held),
@@ -277,7 +277,7 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
     bands, exact = problem.dynamics.corners.bands, Bands()
     if (bands.payload, bands.link_mass) != (exact.payload, exact.link_mass):
         words.append("masses as they are tried within their bands")
-    if any(v.pin is not None for v in problem.vector.variables):
+    if problem.vector.moving:
         words.append(f"each requirement wider by {CONSTRAINT_TOLERANCE:g}")
         if problem.grid.sizes:
             words.append("sizes of the catalogue, strokes and pins on no grid")

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.design_vector import RANGE_POSES
+from armdesign.design.program.design_vector import PROGRAMME_POSES
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.candidate import reference_of
@@ -80,7 +80,7 @@ def evaluations_at(
     If names are ``wanted``, these, and others of their families.
     """
     dynamics, new = problem.dynamics, problem.dynamics.stepped(x)
-    reference = reference_of(problem.machine, problem.requirements, RANGE_POSES)
+    reference = reference_of(problem.machine, problem.requirements, PROGRAMME_POSES)
 
     def forces() -> Array:
         rows = holding_rows(problem, x) if holding is None else holding

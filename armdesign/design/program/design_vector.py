@@ -28,7 +28,7 @@ from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.linkage.base import Linkage, Move
 
-RANGE_POSES = 61  # over a joint range, where strokes and moment arms are constrained
+PROGRAMME_POSES = 61  # over a joint range, where strokes and moment arms are constrained
 
 # closed length and stroke of every cylinder [m]; None where they follow its pins
 ChosenLengths: TypeAlias = tuple[tuple[float, float] | None, ...]
@@ -195,7 +195,7 @@ class DesignVector:
         arm, ranges = self.machine.arm, self.machine.ranges
         return [
             (
-                sweep(arm, k.joints[0], over(ranges[k.joints[0]], RANGE_POSES))
+                sweep(arm, k.joints[0], over(ranges[k.joints[0]], PROGRAMME_POSES))
                 if len(k.joints) == 1
                 else None
             )

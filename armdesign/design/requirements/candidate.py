@@ -26,6 +26,8 @@ from armdesign.mechanism.linkage.base import Linkage
 if TYPE_CHECKING:
     from armdesign.design.requirements.settings import Requirements
 
+CHECKED_POSES = 181  # over a joint's range, at which a machine is judged and described
+
 
 class Candidate(Protocol):
     """A design as the requirements see it."""

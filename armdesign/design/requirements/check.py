@@ -8,6 +8,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import (
+    CHECKED_POSES,
     MachineCandidate,
     Reference,
     SizeCandidates,
@@ -21,8 +22,6 @@ from armdesign.design.requirements.strokes_and_boxes import strokes_and_boxes
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
-
-RANGE_POSES = 181  # over a joint's range, where moment arms and transmission angles are looked at
 
 
 def check(
@@ -75,7 +74,7 @@ def slacks(
         requirements: as of ``check``.
         loads: as of ``check``.
     """
-    reference = reference_of(today, requirements, RANGE_POSES)
+    reference = reference_of(today, requirements, CHECKED_POSES)
     candidates = SizeCandidates(machine, reference, areas)
     evaluated = list(_evaluated(candidates, reference, workspace, loads))
     least = [np.broadcast_to(each.slack.min(axis=1), len(areas)) for each in evaluated]
@@ -89,7 +88,7 @@ def _of_machine(
     requirements: Requirements,
     loads: tuple[Array, Array] | None,
 ) -> Iterator[Evaluation]:
-    reference = reference_of(today, requirements, RANGE_POSES)
+    reference = reference_of(today, requirements, CHECKED_POSES)
     candidate = MachineCandidate(machine, reference)
     return _evaluated(candidate, reference, workspace, loads or static_loads(machine, workspace))
 
@@ -116,12 +115,12 @@ def static_loads(machine: Machine, workspace: Workspace) -> tuple[Array, Array]:
 
 def digging_forces(machine: Machine) -> dict[str, float]:
     """Largest force of each cylinder at the tool [N]: it alone, extending (ISO 6015)."""
-    reference = reference_of(machine, Requirements(), RANGE_POSES)
+    reference = reference_of(machine, Requirements(), CHECKED_POSES)
     forces = forces_at_tool(reference.old, reference)
     return {name: float(force[0]) for name, force in forces.items()}
 
 
 def cylinder_mass(machine: Machine) -> float:
     """Estimated mass of all cylinders together [kg]."""
-    reference = reference_of(machine, Requirements(), RANGE_POSES)
+    reference = reference_of(machine, Requirements(), CHECKED_POSES)
     return float(estimated_masses(reference.old)[0])

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import reference_of
+from armdesign.design.requirements.candidate import CHECKED_POSES, reference_of
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.requirements.torque import leverages
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
-
-POSES = 181  # over a joint's range
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,7 +44,7 @@ class Performance:
 
 def performances(machine: Machine) -> list[Performance]:
     """Every actuator about every joint that it moves, others in the middle of their ranges."""
-    reference = reference_of(machine, Requirements(), POSES)
+    reference = reference_of(machine, Requirements(), CHECKED_POSES)
     now, flow = reference.old, machine.supply.flow
     rows = []
     for leverage in leverages(now, reference):
@@ -59,7 +57,7 @@ def performances(machine: Machine) -> list[Performance]:
             Performance(
                 actuator=leverage.actuator,
                 joint=leverage.joint,
-                q=over(ends, POSES),
+                q=over(ends, CHECKED_POSES),
                 arm=arm,
                 torque=leverage.torque(now)[0],
                 largest=leverage.largest(now)[0],

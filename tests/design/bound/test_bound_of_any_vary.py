@@ -16,7 +16,7 @@ import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design import design as optimum
 from armdesign.design.bound import lagrangian, regions
-from armdesign.design.bound.certificate import Bound, upper_bound
+from armdesign.design.bound.certificate import Certificate, certificate_of
 from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual
@@ -100,7 +100,7 @@ def holds(problem: Problem) -> float | None:
     none is known.
     """
     search = roughly_solved(problem)
-    bound = upper_bound(problem, search.x, search.rows)
+    bound = certificate_of(problem, search.x, search.rows)
     if bound is None:
         return None
     assert bound.refused == ""
@@ -156,7 +156,7 @@ def test_one_size_with_the_pins_has_a_near_bound(size: str) -> None:
             ["cylinder.lift.bore_mm", "cylinder.lift.rod_mm"],
         )
     )
-    near, wide = (upper_bound(search.problem, search.x, search.rows) for search in (own, both))
+    near, wide = (certificate_of(search.problem, search.x, search.rows) for search in (own, both))
     assert near is not None
     assert wide is not None
     assert near.held == ()
@@ -205,7 +205,7 @@ def test_no_share_at_all_is_no_proof() -> None:
 
 def test_a_bound_below_a_design_is_refused() -> None:
     """By more than rounding; else it is raised to the design: a larger bound still holds."""
-    bound = Bound(frequency=1.2, held=(), assumptions=())
+    bound = Certificate(frequency=1.2, held=(), assumptions=())
     assert bound.above(1.1) == bound
     assert bound.above(1.2 * (1 + 1e-6)).frequency == 1.2 * (1 + 1e-6)
     refused = bound.above(1.3)
@@ -217,7 +217,7 @@ def test_a_bound_below_a_design_is_refused() -> None:
 
 def test_a_bound_that_says_nothing_is_not_stated() -> None:
     """More than twice what a design reaches; the reason names the cylinders taken as rigid."""
-    bound = Bound(frequency=2.1, held=("lift",), assumptions=())
+    bound = Certificate(frequency=2.1, held=("lift",), assumptions=())
     assert bound.useful(1.1) == bound
     far = bound.useful(1.0)
     assert far.frequency == math.inf
@@ -237,7 +237,9 @@ def test_a_design_states_no_bound_below_itself(
 ) -> None:
     """Whatever the proof says: neither as a number nor in print; and why not is said."""
     monkeypatch.setattr(
-        optimum, "bound_of", lambda *_: Bound(frequency=wrong, held=(), assumptions=())
+        optimum,
+        "certificate_within_bands",
+        lambda *_: Certificate(frequency=wrong, held=(), assumptions=()),
     )
     design = ad.optimize(machine, coarse("paper_1dof"), starts=1)
     assert design.unrounded > 5

@@ -12,7 +12,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import Requirements, Workspace
-from armdesign.design.bound.certificate import Bound, upper_bound
+from armdesign.design.bound.certificate import Certificate, certificate_of
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.catalogue.alternation import with_sizes
@@ -35,9 +35,9 @@ def of_catalogue(problem: Problem, sizes: Sizes) -> Problem:
     return replace(problem, grid=replace(BUILDABLE, sizes=sizes))
 
 
-def bound_of(problem: Problem, search: Search) -> Bound:
+def bound_of(problem: Problem, search: Search) -> Certificate:
     """The bound around a design."""
-    bound = upper_bound(problem, search.x, search.rows)
+    bound = certificate_of(problem, search.x, search.rows)
     assert bound is not None
     assert bound.refused == ""
     return bound

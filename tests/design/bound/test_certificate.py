@@ -13,7 +13,7 @@ import pytest
 import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.bound import certificate
-from armdesign.design.bound.certificate import upper_bound
+from armdesign.design.bound.certificate import certificate_of
 from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
@@ -37,7 +37,7 @@ def finished(name: str) -> Search:
 
 
 def bound_of(search: Search) -> float:
-    bound = upper_bound(search.problem, search.x, search.rows)
+    bound = certificate_of(search.problem, search.x, search.rows)
     assert bound is not None
     return bound.frequency
 
@@ -154,7 +154,7 @@ def test_no_random_design_exceeds_the_bound_of_gains() -> None:
     """Over a band of structure from rigid: above all designs, and not above what one end says."""
     problem = problem_of("double", bands=Bands(structure=(0.0, 1.0)), gain=True)
     search = solved(problem, 1e-5)
-    own_bound = certificate.bound_of(problem, search.x, search.rows)
+    own_bound = certificate.certificate_within_bands(problem, search.x, search.rows)
     assert own_bound is not None
     reached = [
         hertz(problem.dynamics.omega_squared(x).min()) for x in feasible_designs(problem, 40)
@@ -162,7 +162,7 @@ def test_no_random_design_exceeds_the_bound_of_gains() -> None:
     assert max([*reached, hertz(search.squared)]) <= own_bound.frequency
     for k, weight in enumerate(problem.dynamics.corners.weights):
         end = problem.at_corner(k)
-        alone = upper_bound(end, search.x, np.arange(len(end.dynamics.rows)))
+        alone = certificate_of(end, search.x, np.arange(len(end.dynamics.rows)))
         assert alone is not None
         assert own_bound.frequency**2 <= alone.frequency**2 / weight * (1 + TOLERANCE)
 
@@ -300,7 +300,7 @@ def test_a_cylinder_of_unknown_shape_is_taken_as_rigid() -> None:
         vary=("areas", "pins"),
     )
     search = solved(problem, 1e-5)
-    bound = upper_bound(problem, search.x, search.rows)
+    bound = certificate_of(problem, search.x, search.rows)
     assert bound is not None
     assert bound.held == ("lift",)
     assert "the lift cylinder rigid" in bound.assumptions
@@ -315,10 +315,12 @@ def test_no_bound_where_joints_are_shared() -> None:
     given = {"workspace": workspace, "requirements": Requirements.of(machine)}
     problem = Problem.of(machine=machine, **given, vary=("areas", "pins"))
     assert (
-        upper_bound(problem, problem.vector.start, np.arange(len(problem.dynamics.rows))) is None
+        certificate_of(problem, problem.vector.start, np.arange(len(problem.dynamics.rows)))
+        is None
     )
     assert (
-        upper_bound(single, single.vector.start, np.arange(len(single.dynamics.rows))) is not None
+        certificate_of(single, single.vector.start, np.arange(len(single.dynamics.rows)))
+        is not None
     )
 
 
@@ -359,7 +361,7 @@ def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None
         machine=machine, workspace=workspace_of("single"), requirements=requirements, vary=vary
     )
     search = solved(problem, 1e-5)
-    bound = upper_bound(problem, search.x, search.rows)
+    bound = certificate_of(problem, search.x, search.rows)
     assert bound is not None
     reached = [
         hertz(problem.dynamics.omega_squared(x).min()) for x in feasible_designs(problem, 30)
@@ -368,7 +370,7 @@ def test_air_lowers_the_bound_too(percent: float, vary: tuple[str, ...]) -> None
     # measured, rounded up: 10 % of it is duality's
     assert bound.frequency < hertz(search.squared) * 1.12
     airless = Problem.of(build([BOOM], [LIFT]), problem.workspace, requirements, vary)
-    without = upper_bound(airless, search.x, search.rows)
+    without = certificate_of(airless, search.x, search.rows)
     assert without is not None
     assert bound.frequency < without.frequency * 0.99
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from armdesign import Machine, Requirements, Workspace
-from armdesign.design.bound.certificate import Bound, upper_bound
+from armdesign.design.bound.certificate import Certificate, certificate_of
 from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.cylinder_constraints import PEAK, cylinder_constraints
 from armdesign.design.bound.cylinder_loads import Loads
@@ -117,9 +117,9 @@ def test_of_several_poses_of_a_place_the_easiest_counts() -> None:
     np.testing.assert_array_equal(loads.most(size), [[4.0, 4.0], [3.0, 6.0]])
 
 
-def near_bound(search: Search, gap: float) -> Bound:
+def near_bound(search: Search, gap: float) -> Certificate:
     """The bound of a search's problem, asserted to be near and above the search's end."""
-    bound = upper_bound(search.problem, search.x, search.rows)
+    bound = certificate_of(search.problem, search.x, search.rows)
     assert bound is not None
     assert bound.refused == ""
     assert hertz(search.squared) <= bound.frequency < hertz(search.squared) * (1 + gap)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armdesign.design.bound.certificate import upper_bound
+from armdesign.design.bound.certificate import certificate_of
 from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
@@ -81,7 +81,7 @@ def test_no_random_design_exceeds_the_bound(name: str, gap: float) -> None:
     """
     problem = posed(bars(name), ("areas", "pins"))
     search, random = solved(problem, 1e-5), np.random.default_rng(8)
-    bound = upper_bound(problem, search.x, search.rows)
+    bound = certificate_of(problem, search.x, search.rows)
     assert bound is not None
     assert "own masses in proportion to areas and lengths" in bound.assumptions
     assert hertz(search.squared) <= bound.frequency < hertz(search.squared) * (1 + gap)
@@ -114,7 +114,7 @@ def test_no_random_design_exceeds_the_bound_of_a_heavy_four_bar_that_moves() -> 
     search = Search(problem=problem, x=problem.vector.start).run(
         trust=0.2, tolerance=0.02, looks=1
     )
-    bound, random = upper_bound(problem, search.x, search.rows), np.random.default_rng(8)
+    bound, random = certificate_of(problem, search.x, search.rows), np.random.default_rng(8)
     assert bound is not None
     assert bound.held == ("bucket",)
     reached = []

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import armdesign as ad
 from armdesign.design.bound import outward, regions
-from armdesign.design.bound.certificate import upper_bound
+from armdesign.design.bound.certificate import certificate_of
 from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.intervals import Interval, Outward
 from armdesign.design.bound.outward import Proof, certified, most_of
@@ -78,10 +78,10 @@ def proofs_of(name: str) -> tuple[Proof, ...]:
             problem, sizes = two_cylinders()
             free = solved(replace(problem, grid=replace(BUILDABLE, sizes=())), 1e-5)
             search = with_sizes(free, sizes)
-            bound = upper_bound(problem, search.x, search.rows)
+            bound = certificate_of(problem, search.x, search.rows)
         elif name in ("double", "yielding", "sprung"):
             search = solved(problem_of(name), 1e-6)
-            bound = upper_bound(search.problem, search.x, search.rows)
+            bound = certificate_of(search.problem, search.x, search.rows)
         else:
             bound = ad.optimize(ad.load(name), starts=1).certificate
     assert bound is not None

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
-from armdesign.design.bound.certificate import bound_of_areas
+from armdesign.design.bound.certificate import areas_bound
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import static_loads
@@ -212,7 +212,7 @@ def test_one_actuator_closed_form(rod_kg: float) -> None:
     assert_allclose(problem.vector.areas(search.x)[0], [bore, c.annulus_area], rtol=1e-6)
     squared = stiffness / (inertia + of_rod * (bore - c.annulus_area))
     assert search.squared == pytest.approx(squared, rel=2e-3)
-    bound = bound_of_areas(search)
+    bound = areas_bound(search)
     assert bound is not None
     assert bound >= hertz(search.squared)
     # Euler's rod is replaced by its chord
@@ -287,7 +287,7 @@ def test_two_actuators_against_brute_force(share: float) -> None:
     """
     problem = posed(bars("double"), ("areas",), oil_total_share=share, **ANY_LIFT_AND_TORQUE)
     search = solved(problem)
-    best, bound = TwoCylinders(problem).best(), bound_of_areas(search)
+    best, bound = TwoCylinders(problem).best(), areas_bound(search)
     assert bound is not None
     assert search.violation < 1e-9
     assert hertz(search.squared) == pytest.approx(
@@ -307,7 +307,7 @@ def test_the_bound_is_the_optimum_where_everything_is_affine(name: str) -> None:
     """
     problem = posed(bars(name, 0.1), ("areas",), proportional=True, oil_each_share=1.0)
     search = solved(problem)
-    bound = bound_of_areas(search)
+    bound = areas_bound(search)
     assert problem.vector.moving_masses is not None
     assert bound is not None
     assert -1e-9 < bound / hertz(search.squared) - 1 < 1e-6

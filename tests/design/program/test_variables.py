@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
-from armdesign.design.bound.certificate import bound_of_areas
+from armdesign.design.bound.certificate import areas_bound
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.check import check
@@ -167,7 +167,7 @@ def test_bound_of_a_bore_alone() -> None:
     """
     problem = problem_of("double", ("cylinder.lift.bore_mm", "cylinder.fold.rod_mm"))
     search = solved(problem)
-    bound = bound_of_areas(search)
+    bound = areas_bound(search)
     assert bound is not None
     assert bound >= hertz(search.squared) * (1 - 1e-9)
     random = np.random.default_rng(0)

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
-from armdesign.design.bound.certificate import bound_of_areas
+from armdesign.design.bound.certificate import areas_bound
 from armdesign.design.program.constraints import constraints_at, convex_relaxation
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.prices import prices
@@ -91,7 +91,7 @@ def test_one_actuator_closed_form() -> None:
     problem = problem_of("single", ("areas",), oil_total_share=1.05)
     search = solved(problem)
     assert_allclose(search.x, [1.05, 1.05], rtol=1e-7)
-    assert bound_of_areas(search) == pytest.approx(hertz(search.squared), rel=1e-6)
+    assert areas_bound(search) == pytest.approx(hertz(search.squared), rel=1e-6)
 
 
 def test_one_actuator_whose_rod_limits() -> None:
@@ -135,7 +135,7 @@ def test_two_actuators_share_their_oil_and_their_lowest_modes_coincide(
     gain = search.squared / problem.dynamics.omega_squared_today
     if vary == ("areas",):
         assert gain == pytest.approx(4 / 3, rel=1e-6)
-        assert bound_of_areas(search) == pytest.approx(hertz(search.squared), rel=1e-6)
+        assert areas_bound(search) == pytest.approx(hertz(search.squared), rel=1e-6)
     assert gain > 4 / 3 * (1 - 1e-6)
     assert search.violation < 1e-9
     assert hertz(search.squared) == pytest.approx(
@@ -156,7 +156,7 @@ def test_never_worse_than_brute_force_and_never_above_the_bound(
     problem = problem_of(name, ("areas",), proportional=proportional, **limits)
     search = solved(problem)
     highest, step = brute_force(problem, proportional=proportional)
-    bound = bound_of_areas(search)
+    bound = areas_bound(search)
     assert step < 1e-4
     assert search.violation < 1e-9
     assert hertz(search.squared) == pytest.approx(
@@ -180,7 +180,7 @@ def test_strong_duality_where_everything_is_linear(name: str) -> None:
     problem = problem_of(name, ("areas",), oil_each_share=1.0, proportional=True)
     search = solved(problem)
     values = {n: float(v) for n, v in zip(search.limits.names, search.limits.values, strict=True)}
-    bound = bound_of_areas(search)
+    bound = areas_bound(search)
     assert bound is not None
     binding = [n for n in values if n.startswith("buckling") and values[n] < 1e-6]
     tolerance = 1e-6 if not binding or name == "excavator" else 1e-3
