@@ -50,7 +50,7 @@ class Noise:
         colour: Array,
         hidden: Array = NO_ROOTS,
         ratio: float = 0.0,
-        trend: int = NO_TREND,
+        trend_degree: int = NO_TREND,
     ) -> None:
         """Noise of ``length`` samples.
 
@@ -59,14 +59,16 @@ class Noise:
             colour: a_1 … a_p (p,).
             hidden: λ Δt of modes that may be hidden (h,), complex.
             ratio: standard deviation of b relative to the white noise's.
-            trend: degree of the polynomial that is projected out; -1 for none.
+            trend_degree: degree of the polynomial that is projected out; -1 for none.
         """
-        self.length, self.colour, self.trend = length, colour, trend
-        self.slow = slow = np.linalg.qr(self._filtered(polynomials(length, trend)))[0]
+        self.length, self.colour, self.trend_degree = length, colour, trend_degree
+        self.trend_basis = trend = np.linalg.qr(self._filtered(polynomials(length, trend_degree)))[
+            0
+        ]
         columns = ratio * self._filtered(_powers(hidden, length))
-        u, size, _ = np.linalg.svd(columns - slow @ (slow.T @ columns), full_matrices=False)
-        self._u = np.hstack([slow, u])
-        self._shrunk = np.hstack([slow, u * (1 - 1 / np.sqrt(1 + size**2))])
+        u, size, _ = np.linalg.svd(columns - trend @ (trend.T @ columns), full_matrices=False)
+        self._u = np.hstack([trend, u])
+        self._shrunk = np.hstack([trend, u * (1 - 1 / np.sqrt(1 + size**2))])
         self.inflation = OCCAM * float(np.log1p(size**2).sum())
 
     def whitened(self, values: Array) -> Array:
@@ -91,8 +93,8 @@ def polynomials(length: int, degree: int) -> Array:
 
 def detrended(values: Array, degree: int) -> Array:
     """Values (n, ·) less a polynomial of time, by least squares."""
-    slow = np.linalg.qr(polynomials(len(values), degree))[0]
-    return np.asarray(values - slow @ (slow.T @ values))
+    basis = np.linalg.qr(polynomials(len(values), degree))[0]
+    return np.asarray(values - basis @ (basis.T @ values))
 
 
 def _powers(roots: Array, length: int) -> Array:
@@ -102,14 +104,14 @@ def _powers(roots: Array, length: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Refined:
+class ModeFit:
     """Modes by least squares under one colour of what they leave.
 
     Attributes:
         roots: λ Δt (m,), ascending by size.
         shapes: c of every mode in every output (m, outputs), complex.
-        left: what modes and trend leave of the outputs (n, outputs).
-        slow: the trend (n, outputs).
+        residual: what modes and trend leave of the outputs (n, outputs).
+        trend: polynomial of time (n, outputs).
         covariance: of the real, then the imaginary parts of the roots (2m, 2m).
         noise: what the modes leave is taken for.
         variance: of the white noise of every output (outputs,).
@@ -118,8 +120,8 @@ class Refined:
 
     roots: Array
     shapes: Array
-    left: Array
-    slow: Array
+    residual: Array
+    trend: Array
     covariance: Array
     noise: Noise
     variance: Array
@@ -128,9 +130,9 @@ class Refined:
     @cached_property
     def rings(self) -> Flags:
         """Which modes are no part of the trend (m,)."""
-        if self.noise.trend < 0:
+        if self.noise.trend_degree < 0:
             return np.ones(len(self.roots), dtype=bool)
-        slowest = 2 * math.pi * LEAST_PERIODS / len(self.left)
+        slowest = 2 * math.pi * LEAST_PERIODS / len(self.residual)
         damped = -self.roots.real > OVERDAMPED * np.abs(self.roots)
         return np.asarray((self.roots.imag > slowest) & ~damped)
 
@@ -140,7 +142,7 @@ class Refined:
 
         Of what does not ring: -1.
         """
-        powers = np.exp(self.roots * np.arange(len(self.left))[:, None])
+        powers = np.exp(self.roots * np.arange(len(self.residual))[:, None])
         columns = np.stack([powers.real, powers.imag], axis=2)
         sizes = []
         for k, shape in enumerate(self.shapes):
@@ -167,14 +169,14 @@ class Refined:
         return np.asarray(both[:, self.strongest(modes)])
 
 
-def refined(signals: Array, roots: Array, noise: Noise) -> Refined:
+def fit_modes(signals: Array, roots: Array, noise: Noise) -> ModeFit:
     """Levenberg's and Marquardt's method on λ, the shapes eliminated (Golub & Pereyra 1973)."""
     count, damping = len(roots), 1e-3
     target = noise.whitened(signals)
     now = best_shapes(target, roots, noise)
     for _ in range(ROUNDS):
         slopes, before = _slopes(roots, now, noise), now.cost
-        normal, gradient = slopes.T @ slopes, slopes.T @ now.left.T.ravel()
+        normal, gradient = slopes.T @ slopes, slopes.T @ now.residual.T.ravel()
         for _ in range(TRIALS):
             step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-300), gradient)
             if gradient @ step <= CONVERGED * before:
@@ -199,18 +201,18 @@ class BestShapes:
         basis: filtered and whitened powers, orthonormal (n, 2m).
         shapes: c (m, outputs), complex.
         triangle: R of their QR decomposition (2m, 2m).
-        left: what they leave of the filtered and whitened outputs (n, outputs).
+        residual: what they leave of the filtered and whitened outputs (n, outputs).
         cost: its sum of squares.
     """
 
     basis: Array
     triangle: Array
     shapes: Array
-    left: Array
+    residual: Array
     cost: float
 
     @property
-    def inverse(self) -> Array:
+    def unit_covariance(self) -> Array:
         """Covariance of Re c and Im c under unit noise (2m, 2m)."""
         return np.asarray(np.linalg.pinv(self.triangle.T @ self.triangle, hermitian=True))
 
@@ -219,19 +221,19 @@ def best_shapes(target: Array, roots: Array, noise: Noise) -> BestShapes:
     """Shapes by least squares of the filtered and whitened outputs (n, outputs)."""
     basis, triangle = np.linalg.qr(noise.whitened(_powers(roots, len(target))))
     share = basis.T @ target
-    parts, left = np.linalg.lstsq(triangle, share, rcond=None)[0], target - basis @ share
+    parts, residual = np.linalg.lstsq(triangle, share, rcond=None)[0], target - basis @ share
     return BestShapes(
         basis,
         triangle,
         parts[: len(roots)] + 1j * parts[len(roots) :],
-        left,
-        float(np.sum(left**2)),
+        residual,
+        float(np.sum(residual**2)),
     )
 
 
 def _slopes(roots: Array, now: BestShapes, noise: Noise) -> Array:
     """Change of all filtered outputs (outputs n, 2m) by Re λ and Im λ, shapes eliminated."""
-    instants = np.arange(len(now.left))[:, None]
+    instants = np.arange(len(now.residual))[:, None]
     powers, slopes = instants * np.exp(roots * instants), []
     for shape in now.shapes.T:
         change = powers * shape
@@ -242,11 +244,11 @@ def _slopes(roots: Array, now: BestShapes, noise: Noise) -> Array:
 
 def _with_covariance(
     signals: Array, roots: Array, noise: Noise, now: BestShapes, slopes: Array
-) -> Refined:
+) -> ModeFit:
     """Roots and their covariance, by noise of the size that is left of each output."""
     length, order = len(signals), np.argsort(np.abs(roots))
-    variance = np.sum(now.left**2, axis=0) / max(
-        length - 2 * len(roots) - len(noise.colour) - noise.trend - 1, 1
+    variance = np.sum(now.residual**2, axis=0) / max(
+        length - 2 * len(roots) - len(noise.colour) - noise.trend_degree - 1, 1
     )
     sizes = np.repeat(np.sqrt(variance), length)
     gain = (
@@ -255,15 +257,15 @@ def _with_covariance(
     )
     both = np.concatenate([order, len(roots) + order])
     levels = np.sqrt(np.tile(_levels(roots, noise, now, slopes, variance), 2))
-    residual = signals - (np.exp(roots * np.arange(length)[:, None]) @ now.shapes).real
-    left = detrended(residual, noise.trend)
+    unfitted = signals - (np.exp(roots * np.arange(length)[:, None]) @ now.shapes).real
+    residual = detrended(unfitted, noise.trend_degree)
     logarithms = np.log(np.maximum(variance, 1e-300)).sum()
     unknowns = len(noise.colour) + len(roots) * (2 + 2 * signals.shape[1])
-    return Refined(
+    return ModeFit(
         roots=roots[order],
         shapes=now.shapes[order],
-        left=left,
-        slow=residual - left,
+        residual=residual,
+        trend=unfitted - residual,
         covariance=(gain @ gain.T * np.outer(levels, levels))[np.ix_(both, both)],
         noise=noise,
         variance=variance,
@@ -281,14 +283,14 @@ def _levels(roots: Array, noise: Noise, now: BestShapes, slopes: Array, variance
     parameters of a colour may miss it. The lines ``AROUND`` it measure that, freed of
     what the fit has taken. Never below 1: few lines know little.
     """
-    length, levels = len(now.left), np.ones(len(roots))
-    fits = list(zip(now.left.T, np.split(slopes, len(variance)), variance, strict=True))
+    length, levels = len(now.residual), np.ones(len(roots))
+    fits = list(zip(now.residual.T, np.split(slopes, len(variance)), variance, strict=True))
     for k, root in enumerate(roots):
         lines = np.round(root.imag * length / (2 * math.pi)) + AROUND
         lines = lines[(lines >= 1) & (lines < length / 2)]
         probes, energy, rank = _powers(2j * math.pi / length * lines, length), 0.0, 0
         for left, own, size in fits:
-            taken = np.linalg.qr(np.hstack([noise.slow, now.basis, own]))[0]
+            taken = np.linalg.qr(np.hstack([noise.trend_basis, now.basis, own]))[0]
             free, sizes, _ = np.linalg.svd(probes - taken @ (taken.T @ probes), False)
             free = free[:, sizes > FREE * math.sqrt(length / 2)]
             energy += float(np.sum((free.T @ left) ** 2)) / max(size, 1e-300)

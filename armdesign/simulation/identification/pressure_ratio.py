@@ -93,13 +93,17 @@ def pressure_ratio(
     sizes, deviations = [], []
     for one in pressures.T:
         values = detrended(one[:, None], TREND)
-        plain = Noise(length, np.zeros(0), trend=TREND)
-        left = best_shapes(plain.whitened(values), roots, plain).left
-        noise = Noise(length, autoregression(left, 2), trend=TREND) if np.ptp(left) > 0 else plain
+        plain = Noise(length, np.zeros(0), trend_degree=TREND)
+        left = best_shapes(plain.whitened(values), roots, plain).residual
+        noise = (
+            Noise(length, autoregression(left, 2), trend_degree=TREND)
+            if np.ptp(left) > 0
+            else plain
+        )
         best = best_shapes(noise.whitened(values), roots, noise)
         sizes.append(best.shapes[0, 0])
         spare = max(length - 2 - TREND, 1)
-        deviations.append(math.sqrt(best.cost / spare / 2 * np.trace(best.inverse)))
+        deviations.append(math.sqrt(best.cost / spare / 2 * np.trace(best.unit_covariance)))
     cap, annulus = np.abs(sizes)
     share = math.hypot(deviations[0] / max(cap, TINY), deviations[1] / max(annulus, TINY))
     return PressureRatio(

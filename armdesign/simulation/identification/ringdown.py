@@ -36,12 +36,12 @@ from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
 from armdesign.simulation.identification.decaying_modes import (
     NO_TREND,
+    ModeFit,
     Noise,
-    Refined,
     autoregression,
     best_shapes,
     detrended,
-    refined,
+    fit_modes,
 )
 from armdesign.simulation.identification.records import signals_of
 
@@ -169,20 +169,22 @@ def identify_ringdown(
         damping_remainders=remainders[1].copy(),
         amplitudes=np.abs(likeliest.shapes[likeliest.strongest(modes)]) * scale,
         singular_values=singular,
-        fitted=whole - likeliest.left * scale,
-        residual=float(np.linalg.norm(likeliest.left) / np.linalg.norm(detrended(signals, trend))),
+        fitted=whole - likeliest.residual * scale,
+        residual=float(
+            np.linalg.norm(likeliest.residual) / np.linalg.norm(detrended(signals, trend))
+        ),
         time=np.array(time, dtype=float),
         response=whole.copy(),
     )
 
 
-def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Refined], Array]:
+def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[ModeFit], Array]:
     """Fits of the modes under noise of all orders, and of further modes while these are likely.
 
     Colour can pass for a mode and a mode for colour: counts are compared under the same noise,
     then at their best. The second is the singular values of the Hankel matrix.
     """
-    fits, of_all, least, margin = list[Refined](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
+    fits, of_all, least, margin = list[ModeFit](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
     for count in range(modes, modes + FURTHER + 1):
         starts, singular, most = _starts(detrended(signals, trend), count)
         if count == modes:
@@ -215,13 +217,13 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Re
     return fits, of_all
 
 
-def _group(signals: Array, starts: list[Array], trend: int) -> list[Refined]:
+def _group(signals: Array, starts: list[Array], trend: int) -> list[ModeFit]:
     """Fits from the best start under white noise, then under noise of all orders."""
     if not starts:
         return []
-    white = Noise(len(signals), np.zeros(0), trend=trend)
+    white = Noise(len(signals), np.zeros(0), trend_degree=trend)
     costs = [best_shapes(signals, start, white).cost for start in starts]
-    plain = refined(signals, starts[int(np.argmin(costs))], white)
+    plain = fit_modes(signals, starts[int(np.argmin(costs))], white)
     return [plain, *(_coloured(signals, plain, order) for order in _orders(signals, plain))]
 
 
@@ -236,7 +238,9 @@ def _without(signals: Array, modes: int, trend: int) -> float:
     likelihoods = []
     for order in (0, 1):
         noise = Noise(
-            len(signals), autoregression(level, order) if order else np.zeros(0), trend=trend
+            len(signals),
+            autoregression(level, order) if order else np.zeros(0),
+            trend_degree=trend,
         )
         left = noise.whitened(signals)
         logarithms = np.log(np.mean(left**2, axis=0)).sum()
@@ -244,9 +248,9 @@ def _without(signals: Array, modes: int, trend: int) -> float:
     return float(max(likelihoods))
 
 
-def _with_hidden(signals: Array, likeliest: Refined, modes: int) -> list[Refined]:
+def _with_hidden(signals: Array, likeliest: ModeFit, modes: int) -> list[ModeFit]:
     """Fits with a mode hidden beside one of the answer, as damped, where the fit has none."""
-    fits, sizes = list[Refined](), np.abs(likeliest.roots)
+    fits, sizes = list[ModeFit](), np.abs(likeliest.roots)
     white = math.sqrt(likeliest.variance.sum())
     for k in likeliest.strongest(modes):
         usual = HIDDEN_SHARE * float(np.linalg.norm(likeliest.shapes[k])) / white
@@ -257,13 +261,13 @@ def _with_hidden(signals: Array, likeliest: Refined, modes: int) -> list[Refined
                     likeliest.noise.colour,
                     np.array([root]),
                     usual,
-                    likeliest.noise.trend,
+                    likeliest.noise.trend_degree,
                 )
-                fits.append(refined(signals, likeliest.roots, noise))
+                fits.append(fit_modes(signals, likeliest.roots, noise))
     return fits
 
 
-def _likelihood(answer: Refined) -> float:
+def _likelihood(answer: ModeFit) -> float:
     return answer.likelihood
 
 
@@ -301,25 +305,25 @@ def _realised(signals: Array, order: int, rows: int) -> tuple[Array, Array]:
     )
 
 
-def _orders(signals: Array, plain: Refined) -> list[int]:
+def _orders(signals: Array, plain: ModeFit) -> list[int]:
     """Orders p that the record supports; none if nothing is left."""
     return (
         [] if _exact(signals, plain) else [order for order in ORDERS if 20 * order <= len(signals)]
     )
 
 
-def _exact(signals: Array, plain: Refined) -> bool:
-    return bool(np.linalg.norm(plain.left) < EXACT * np.linalg.norm(signals))
+def _exact(signals: Array, plain: ModeFit) -> bool:
+    return bool(np.linalg.norm(plain.residual) < EXACT * np.linalg.norm(signals))
 
 
-def _coloured(signals: Array, plain: Refined, order: int) -> Refined:
+def _coloured(signals: Array, plain: ModeFit, order: int) -> ModeFit:
     """The fit under noise of an order, its filter found from what the fit before leaves.
 
     How a trend bends counts as noise there: a polynomial also takes what slow noise looks like.
     """
-    fit, trend = plain, plain.noise.trend
+    fit, trend = plain, plain.noise.trend_degree
     for _ in range(FILTERS):
-        left = detrended(fit.left + fit.slow, min(trend, LINE))
+        left = detrended(fit.residual + fit.trend, min(trend, LINE))
         colour = autoregression(left, order)
-        fit = refined(signals, fit.roots, Noise(len(signals), colour, trend=trend))
+        fit = fit_modes(signals, fit.roots, Noise(len(signals), colour, trend_degree=trend))
     return fit

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
-from armdesign.simulation.identification.decaying_modes import Noise, autoregression, refined
+from armdesign.simulation.identification.decaying_modes import Noise, autoregression, fit_modes
 
 PERIODS = 3.0  # of a piece
 LEAST = 12  # samples of it
@@ -96,10 +96,10 @@ def swings(time: Array, signal: Array, left: Array, frequency: float, damping: f
     omega, zeta = 2 * math.pi * frequency * step, min(max(damping, 1e-4), 0.9)
     start = np.array([omega * (-zeta + 1j * math.sqrt(1 - zeta**2))])
     length, hop = round(PERIODS / frequency / step), round(1 / frequency / step)
-    noise, rows = Noise(length, autoregression(left[:, None], 2), trend=2), []
+    noise, rows = Noise(length, autoregression(left[:, None], 2), trend_degree=2), []
     for first in range(0, len(signal) - length + 1, max(hop, 1)) if length >= LEAST else ():
         piece = signal[first : first + length, None]
-        fit = refined(piece, start, noise)
+        fit = fit_modes(piece, start, noise)
         if not fit.rings[0] and not _near(fit.roots[0], start[0]):
             continue
         (size,), (ratio,) = fit.modes(1)
