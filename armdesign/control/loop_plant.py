@@ -142,17 +142,17 @@ class LoopPlant(ReadOnly):
             omega: frequencies of each pose (n, f) [rad/s].
         """
         (n, f), (poles, outputs, inputs) = omega.shape, self._modal
-        answers = np.empty((n, f, outputs.shape[1], inputs.shape[2]), complex)
+        response = np.empty((n, f, outputs.shape[1], inputs.shape[2]), complex)
         step = max(AT_ONCE // f, 1)
         for begin in range(0, n, step):
             rows = slice(begin, begin + step)
-            swings = 1 / (1j * omega[rows, :, None] - poles[rows, None])
-            answers[rows] = (outputs[rows, None] * swings[:, :, None]) @ inputs[rows, None]
+            resolvent = 1 / (1j * omega[rows, :, None] - poles[rows, None])
+            response[rows] = (outputs[rows, None] * resolvent[:, :, None]) @ inputs[rows, None]
         for pose in np.flatnonzero(self._defective):
             matrix = 1j * omega[pose, :, None, None] * np.eye(self.A.shape[1]) - self.A[pose]
-            answers[pose] = self._outputs @ np.linalg.solve(matrix, self.B[pose].astype(complex))
-        answers *= self.valve(1j * omega)[:, :, None]
-        return answers[:, :, : self.joints], answers[:, :, self.joints :]
+            response[pose] = self._outputs @ np.linalg.solve(matrix, self.B[pose].astype(complex))
+        response *= self.valve(1j * omega)[:, :, None]
+        return response[:, :, : self.joints], response[:, :, self.joints :]
 
 
 def loop_plant(
@@ -186,19 +186,19 @@ def loop_plant(
         refuse_undamped(machine, ratios, poses.q)
     load = _load_pressures(areas, A.shape[1], 2 * k)
     force = load * areas[:, :1] * bar
-    opened = matrices[:, : -2 * nc, -2 * nc : -nc]
+    by_spool = matrices[:, : -2 * nc, -2 * nc : -nc]
     arms = poses.moment_arms
     # Ḟ = f x − k ℓ̇: at constant force the piston moves with f/k for each unit of the spool.
-    against = -((force @ A)[:, :, rows] * arms).sum(axis=2) / (arms**2).sum(axis=2)
-    gains = np.einsum("cs,nsc->nc", force, opened) / against
+    stiffness = -((force @ A)[:, :, rows] * arms).sum(axis=2) / (arms**2).sum(axis=2)
+    gains = np.einsum("cs,nsc->nc", force, by_spool) / stiffness
     valves = [actuator.valve for actuator in machine.actuators if actuator.valve]
     return LoopPlant(
         q=poses.q,
         A=A,
-        B=opened / gains[:, None],
+        B=by_spool / gains[:, None],
         load=load,
         moment_arms=arms[:, :, : poses.q.shape[1]],
-        oil_stiffness=against,
+        oil_stiffness=stiffness,
         areas=areas[:, 0],
         frequencies=frequencies,
         damping=ratios,

@@ -33,7 +33,7 @@ SPARE = 1.015  # of the margin, for what lies between the frequencies of a grid
 SHARES = (1.0, 0.8, 0.6, 0.4)  # of a start's position gains, of which the first may hold
 STEP, LEAST_STEP = 0.25, 1e-3  # at the start of a search and at its end, of logarithms
 MOST = math.log(3.0)  # κ and η: beyond, a loop may be unstable above all frequencies of a grid
-HOT = 6  # frequencies that missed the margin last: looked at first
+REMEMBERED = 6  # frequencies that missed the margin last: looked at first
 NEIGHBOURS = 4
 GOAL, SMOOTH = 2 / 11, 1 / 12  # share of successes that keeps the step; of the newest in the mean
 OFTEN = 0.44  # share of successes from which a step is taken to be too small, not badly turned
@@ -46,7 +46,7 @@ class _Search(NamedTuple):
     omega: Array  # (n, f)
     units: Array  # gains of κ = 1 and η = 1 (n, nq + nc)
     limit: float  # of μ(½(S − T))
-    hot: Array  # places of frequencies (HOT,)
+    last_missed: Array  # places of frequencies (REMEMBERED,)
     opened: Array
     S_c: Array
     closed: Array
@@ -58,10 +58,10 @@ class _Search(NamedTuple):
         gains, pressure = args.gains.copy(), args.pressure_gains.copy()
         nq, nc = gains.shape[1], pressure.shape[1]
         room = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
-        limit, hot = 1 / (SPARE * task.aim.margin), np.zeros(HOT, dtype=int)
+        limit, last_missed = 1 / (SPARE * task.aim.margin), np.zeros(REMEMBERED, dtype=int)
         args = args._replace(gains=gains, pressure_gains=pressure)
         both = np.concatenate([gains, pressure], axis=1)
-        return cls(args, task.loops.omega, both, limit, hot, *room)
+        return cls(args, task.loops.omega, both, limit, last_missed, *room)
 
 
 class OwnGains:
@@ -112,9 +112,9 @@ def _improve(
     search: _Search, rows: Array, starts: Array, near: Array, noise: Array, x: Array, scores: Array
 ) -> None:
     nq = search.loops.gains.shape[1]
-    start, best_start = np.empty(x.shape[1]), np.empty(x.shape[1])
+    start, trial, best_start = np.empty(x.shape[1]), np.empty(x.shape[1]), np.empty(x.shape[1])
     for pose in rows:
-        search.hot[:] = 0
+        search.last_missed[:] = 0
         best, best_start[:] = scores[pose], x[pose]
         count = near.shape[1]
         for k in range(count + starts.shape[1]):
@@ -122,13 +122,12 @@ def _improve(
                 continue
             start[:] = x[near[pose, k]] if k < count else starts[pose, k - count]
             for share in SHARES:
-                start[:nq] += math.log(share)
-                score = _score(search, pose, start, best)
-                if score > -np.inf:
+                trial[:] = start
+                trial[:nq] += math.log(share)
+                score = _score_if_better(search, pose, trial, best)
+                if score > best:
+                    best, best_start[:] = score, trial
                     break
-                start[:nq] -= math.log(share)
-            if score > best:
-                best, best_start[:] = score, start
         if best > -np.inf:
             scores[pose] = _evolve(search, pose, best_start, best, noise)
             x[pose] = best_start
@@ -145,7 +144,7 @@ def _evolve(search: _Search, pose: int, x: Array, best: float, noise: Array) -> 
     for number in range(len(noise)):
         change = turned @ noise[number]
         trial = x + step * change
-        score = _score(search, pose, trial, best)
+        score = _score_if_better(search, pose, trial, best)
         success = (1 - SMOOTH) * success + (SMOOTH if score > best else 0.0)
         step *= math.exp((success - GOAL) / (1 - GOAL) / damping)
         if score > best:
@@ -164,35 +163,35 @@ def _evolve(search: _Search, pose: int, x: Array, best: float, noise: Array) -> 
 
 
 @compiled
-def _score(search: _Search, pose: int, x: Array, best: float) -> float:
-    """How wide the loops are with gains of logarithms x.
+def _score_if_better(search: _Search, pose: int, x: Array, best: float) -> float:
+    """Score of gains of logarithms x, how wide the loops are, if above the best; else −∞.
 
-    −∞ where that is not more than the best, or the margin does not hold.
+    −∞ too where the margin does not hold.
     """
     if x.max() > MOST:
         return -np.inf
     _set_gains(search, pose, x)
-    for turn in range(HOT):
-        if _misses(search, pose, search.hot[turn]):
-            _remember(search.hot, turn)
+    for turn in range(REMEMBERED):
+        if _misses(search, pose, search.last_missed[turn]):
+            _move_to_front(search.last_missed, turn)
             return -np.inf
     score, count = np.inf, search.omega.shape[1]
-    last, widths = np.ones(len(search.S)), np.zeros((len(LEVELS), len(search.S)))
+    last, crossings = np.ones(len(search.S)), np.zeros((len(LEVELS), len(search.S)))
     for f in range(count):
         if _misses(search, pose, f):
-            search.hot[-1] = f
-            _remember(search.hot, HOT - 1)
+            search.last_missed[-1] = f
+            _move_to_front(search.last_missed, REMEMBERED - 1)
             return -np.inf
         if score == np.inf:
             for i in range(len(search.S)):
                 size, before = abs(0.5 - search.S[i, i]), search.omega[pose, max(f - 1, 0)]
                 for level in range(len(LEVELS)):
-                    if widths[level, i] == 0.0 and size < LEVELS[level]:
+                    if crossings[level, i] == 0.0 and size < LEVELS[level]:
                         share = math.log(last[i] / LEVELS[level]) / math.log(last[i] / size)
-                        widths[level, i] = before * (search.omega[pose, f] / before) ** share
+                        crossings[level, i] = before * (search.omega[pose, f] / before) ** share
                 last[i] = size
-            if f == count - 1 or widths.min() > 0.0:  # the rest is but for the margin
-                logs = np.log(np.where(widths > 0, widths, search.omega[pose, -1]))
+            if f == count - 1 or crossings.min() > 0.0:  # the rest is but for the margin
+                logs = np.log(np.where(crossings > 0, crossings, search.omega[pose, -1]))
                 score = logs[0].min() + LOWER * logs[1].min() + MEAN * logs[0].mean()
                 if score <= best:
                     return -np.inf
@@ -211,10 +210,10 @@ def _set_gains(search: _Search, pose: int, x: Array) -> None:
 
 
 @compiled
-def _remember(hot: Array, turn: int) -> None:
+def _move_to_front(last_missed: Array, turn: int) -> None:
     """Move a frequency to the front of those that missed last."""
     for k in range(turn, 0, -1):
-        hot[k], hot[k - 1] = hot[k - 1], hot[k]
+        last_missed[k], last_missed[k - 1] = last_missed[k - 1], last_missed[k]
 
 
 @compiled

@@ -29,7 +29,7 @@ import numpy as np
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import Worst, lowest_of_poses, worst_frequency
@@ -161,8 +161,7 @@ class Bands:
         for name in self.structures or ():
             if name not in named and name not in today.idle:
                 fault = f"{today.name} has no such actuator"
-                remedy = f"choose from: {', '.join(named)}"
-                raise ArmDesignError(f"bands.structures.{name}", fault, remedy)
+                raise ArmDesignError(f"bands.structures.{name}", fault, choose(name, named))
         yielding = {
             name: shares[softest] * one.oil_compliance(today.fluid, today.supply)
             for name, one in named.items()

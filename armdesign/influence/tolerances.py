@@ -126,7 +126,7 @@ class Tolerances(ReadOnly):
             ends.append(np.nanmin(lowest, axis=1) - self.rivals[0].frequency)
         line = self.slopes[0, :, 0] * half
         spread = self.slopes[0, :, 0] * (limits[:, 1] - limits[:, 0]) / 2
-        expected = self.slopes[0, :, :1] * (limits - start.T)
+        expected = self.slopes[0, :, ::-1] * (limits - start.T)  # slopes are upwards, downwards
         off = np.abs(np.array(ends).T - expected).max(axis=1)
         frame = pd.DataFrame(
             {
@@ -277,11 +277,11 @@ def tolerances(
     poses = rivals(machine, workspace or Workspace.grid(machine))
     values = _sampled(machine, widths, count, seed)
     of_rivals = _frequencies(machine, poses, widths, values)
-    if np.isnan(of_rivals).all(axis=1).any():
-        share = np.isnan(of_rivals).all(axis=1).mean()
+    lost = np.isnan(of_rivals).all(axis=1)
+    if lost.any():
         raise ArmDesignError(
             f"{machine.source.name}: tolerances",
-            f"{100 * share:.2g} % of the machines cannot take the worst pose",
+            f"{100 * lost.mean():.2g} % of the machines cannot take the worst pose",
             "give smaller widths",
         )
     stated = machine.section.tolerances.least_hz if least is None else least

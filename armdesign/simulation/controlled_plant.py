@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.errors import SimulationError
+from armdesign.errors import SimulationError, choose
 from armdesign.hydraulics.valve import opening, spool_position
 from armdesign.simulation.excitation import SymmetricValve
 from armdesign.simulation.integrator import Breaks
@@ -139,8 +139,7 @@ def _by_order(command: Command | ByName, names: Sequence[str], machine: str) -> 
         return command
     for name, part in command.items():
         if name not in names:
-            remedy = f"choose from: {', '.join(names)}"
-            raise SimulationError(f"command {name}", "no such cylinder", remedy)
+            raise SimulationError(f"command {name}", "no such cylinder", choose(name, names))
         _refuse_no_function(part, f"{machine}: command {name}")
     parts = [(names.index(name), part) for name, part in command.items()]
 

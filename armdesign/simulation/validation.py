@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array
-from armdesign.errors import SimulationError, raise_together
+from armdesign.errors import SimulationError, choose, raise_together
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.frequency.workspace import Workspace
@@ -271,7 +271,7 @@ def _cylinders_and_modes(
     for name in cylinders:
         if name not in names:
             part = f"{machine.name}: cylinder {name}"
-            raise SimulationError(part, "does not exist", f"choose from: {', '.join(names)}")
+            raise SimulationError(part, "does not exist", choose(name, names))
     return [(names.index(name), int(modes[names.index(name)])) for name in cylinders]
 
 

@@ -147,15 +147,16 @@ def sweep(
                           100     10.54
                           200      7.45
     """
-    chosen = of_sobol(changes, sobol, seed) if sobol and isinstance(changes, Mapping) else (
-        of_any(changes)
-    )  # fmt: skip
-    if sobol and not isinstance(changes, Mapping):
+    if workers < 1:
+        raise ArmDesignError("workers", f"{workers} is not allowed", "give a whole number ≥ 1")
+    if not sobol:
+        chosen = of_any(changes)
+    elif isinstance(changes, Mapping):
+        chosen = of_sobol(changes, sobol, seed)
+    else:
         raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
     study = _study(_machines(machine), task, options or {}, workspace, points)
     cases = list(_cases(study, _with_requirements(chosen, requirements), payloads))
-    if workers < 1:
-        raise ArmDesignError("workers", f"{workers} is not allowed", "give a whole number ≥ 1")
     run = _CaseRunner(
         study=study, workers=workers, scheduler=scheduler, say=say or (lambda _: None)
     )
@@ -163,12 +164,12 @@ def sweep(
     with (
         nullcontext()
         if place is None
-        else Journal(place, files_of(study.machines.values()), study.version, new) as kept
+        else Journal(place, files_of(study.machines.values()), study.version, new) as opened
     ):
-        return run.all(cases, kept)
+        return run.answers(cases, opened)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class _CaseRunner:
     """Means by which cases get their answers."""
 
@@ -178,20 +179,20 @@ class _CaseRunner:
     say: Callable[[str], None]
     retried: list[str] = field(default_factory=list)
 
-    def all(self, cases: Sequence[Case], journal: Journal | None) -> Sweep:
+    def answers(self, cases: Sequence[Case], journal: Journal | None) -> Sweep:
         """The cases with the answers that a journal has, and those that are computed."""
         entries = journal.entries() if journal else {}
-        answers: dict[str, Entry] = {
+        known: dict[str, Entry] = {
             case.key: entries[case.key] for case in cases if case.key in entries
         }
-        kept = sum(case.key in answers for case in cases)
-        missing = {case.key: case for case in cases if case.key not in answers}
+        kept = sum(case.key in known for case in cases)
+        missing = {case.key: case for case in cases if case.key not in known}
         for case, outcome in self._outcomes(list(missing.values())):
             if journal and outcome.final:
                 journal.keep(case.key, case.name, outcome)
-            answers[case.key] = outcome
-            self.say(f"{len(answers)} of {len(cases)} cases")
-        outcomes = tuple(answers[case.key] for case in cases)
+            known[case.key] = outcome
+            self.say(f"{len(known)} of {len(cases)} cases")
+        outcomes = tuple(known[case.key] for case in cases)
         retried = tuple(self.retried)
         return Sweep(cases=tuple(cases), outcomes=outcomes, kept=kept, retried=retried)
 

@@ -251,7 +251,7 @@ FAULTS = [
     ),
     (
         "structures = { bom = [0.2, 0.5] }",
-        r'bands\.structures\.bom: no actuator "bom"; choose from: boom, stick, bucket',
+        r'bands\.structures\.bom: no actuator "bom"; did you mean "boom"',
     ),
     (
         "structure = [-0.1, 1]",

@@ -270,19 +270,17 @@ class Enclosure:
     @cached_property
     def stroke(self) -> Interval:
         """Stroke S (m,)."""
-        if self.centre is self.wide:
-            return self.wide.stroke
-        spread = self.wide.stroke_slope.spread(self.reach, 1)
-        return self.wide.stroke.within(
-            _around(self.centre.stroke, np.where(self.wide.whole, spread, np.inf))
-        )
+        return self._cut("stroke")
 
     def _cut(self, name: str) -> Interval:
         if self.centre is self.wide:  # of no width: nothing to cut
             points: Interval = getattr(self.wide, name)
             return points
         slope: Interval = getattr(self.wide, f"{name}_slope")
-        spread = np.where(self.wide.whole[:, None], slope.spread(self.reach[:, None], 2), np.inf)
+        reach, whole = self.reach, self.wide.whole
+        if slope.low.ndim == 3:  # at every angle
+            reach, whole = reach[:, None], whole[:, None]
+        spread = np.where(whole, slope.spread(reach, slope.low.ndim - 1), np.inf)
         cut: Interval = getattr(self.wide, name).within(
             _around(getattr(self.centre, name), spread)
         )

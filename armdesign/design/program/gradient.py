@@ -1,7 +1,8 @@
 """Gradients by areas and pins: the design at x with a complex step along each entry of x.
 
 Places have the analytic sensitivities of their linkage; what is computed from them goes on in
-complex numbers, so the imaginary part over ``STEP`` is the exact derivative.
+complex numbers, so the imaginary part over ``STEP`` is the exact derivative: of requirements in
+``constraints.py``, of stiffness and mass, and so of frequencies, in ``dynamics.py``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Numbers
 from armdesign.design.program.design_vector import DesignVector, Geometry
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
 from armdesign.machine.lifting import unloaded
@@ -66,8 +67,8 @@ class SteppedDesign:
         length = self._variants(actuation.length)
         arm = self._variants(actuation.moment_arm[:, joint])
         for index, slope in self._sensitivities(i, poses):
-            length[index] += 1j * STEP * slope.length * self.vector.pin_box
-            arm[index] += 1j * STEP * slope.moment_arm[:, joint] * self.vector.pin_box
+            length[index] += self._pin_step(slope.length)
+            arm[index] += self._pin_step(slope.moment_arm[:, joint])
         return length, arm
 
     @cached_property
@@ -100,7 +101,7 @@ class SteppedDesign:
         at = self._variants(np.array(place))
         for index, (moved, axis) in self.vector.moves(i).items():
             if moved == name:
-                at[index, axis] += 1j * STEP * self.vector.pin_box
+                at[index, axis] += self._pin_step()
         return at
 
     def transmission(self, i: int) -> Array:
@@ -110,7 +111,7 @@ class SteppedDesign:
         cosine, slopes = self.linkages[i].transmission(poses, list(moves.values()))
         stepped = self._variants(cosine)
         for index, slope in zip(moves, slopes, strict=True):
-            stepped[index] += 1j * STEP * slope * self.vector.pin_box
+            stepped[index] += self._pin_step(slope)
         return stepped
 
     def geometry(self, rigid: RigidPoses) -> Geometry:
@@ -124,7 +125,7 @@ class SteppedDesign:
                     (stepped.arm, slope.moment_arm),
                     (stepped.curve, slope.moment_arm_derivative),
                 ):
-                    part[index][:, i] += 1j * STEP * (change * self.vector.pin_box)
+                    part[index][:, i] += self._pin_step(change)
         return stepped
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
@@ -163,6 +164,10 @@ class SteppedDesign:
                     part[index] += new - old
         return total
 
+    def _pin_step(self, slope: Numbers = 1.0) -> Numbers:
+        """What a quantity of this slope by a coordinate of a pin gains by the complex step."""
+        return 1j * STEP * self.vector.pin_box * slope
+
     def _variants(self, values: Array) -> Array:
         """Complex copies of values, one for each entry of x (nx, …)."""
         return np.tile(values.astype(complex), (len(self.x), *[1] * values.ndim))
@@ -176,5 +181,5 @@ class SteppedDesign:
         """The linkage of cylinder ``i``, stepped along the entry of x that moves a place of it."""
         place, axis = self.vector.moves(i)[index]
         at = [complex(value) for value in self.linkages[i].place(place) or ()]
-        at[axis] += 1j * STEP * self.vector.pin_box
+        at[axis] += self._pin_step()
         return self.linkages[i].with_place(place, at)  # type: ignore[arg-type]

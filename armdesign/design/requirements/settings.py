@@ -22,9 +22,10 @@ from armdesign.design.requirements.leverage import (
     transmissions,
 )
 from armdesign.design.requirements.lift_share import LiftShare, lift_share
-from armdesign.design.requirements.oil import Oil, Speeds, oil, speeds
+from armdesign.design.requirements.oil import Oil, oil
 from armdesign.design.requirements.places import PinPlaces, clearances, outlines
 from armdesign.design.requirements.record import FIRST_WORDS, Concession, Evaluation, Family
+from armdesign.design.requirements.speeds import Speeds, speeds
 from armdesign.design.requirements.stated import Frozen, Stated, check_kind, check_numbers
 from armdesign.design.requirements.strength import (
     Buckling,

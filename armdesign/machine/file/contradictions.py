@@ -25,9 +25,10 @@ from armdesign.machine.file.section import DEVICE, Section
 from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
-COLUMNS = {"payload", "cylinder", "mode", "linear_hz", "identified_hz", "deviation"}
-COLUMNS |= {"reach_m", "height_m", "capacity_kg", "hydraulic_kg", "tipping_kg", "limiting"}
-COLUMNS |= {f"tool_{axis}_m" for axis in "xyz"}  # of the CSV files, beside the joints'
+# columns of the CSV files: no joint may have such a name
+RESERVED_NAMES = {"payload", "cylinder", "mode", "linear_hz", "identified_hz", "deviation"}
+RESERVED_NAMES |= {"reach_m", "height_m", "capacity_kg", "hydraulic_kg", "tipping_kg", "limiting"}
+RESERVED_NAMES |= {f"tool_{axis}_m" for axis in "xyz"}
 Fault = tuple[str, str, str]  # key path, words, remedy
 
 
@@ -63,7 +64,7 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
     if len(set(machine.joints)) < len(machine.joints):
         yield "joints", "a joint is named twice", "name each joint once"
     for name in machine.joints:
-        if name in COLUMNS or re.fullmatch(r"f\d+_hz", name):
+        if name in RESERVED_NAMES or re.fullmatch(r"f\d+_hz", name):
             yield "joints", f'"{name}" is a column of the CSV files', "rename the joint"
     for name in machine.motor:
         if name in machine.cylinder:
@@ -81,8 +82,7 @@ def _of_lift_chart(machine: MachineSection) -> Iterator[Fault]:
     joints = machine.lift_chart.joints or [] if machine.lift_chart else []
     for name in joints:
         if name not in machine.joints:
-            remedy = f"choose from: {', '.join(machine.joints)}"
-            yield "lift_chart.joints", f'no joint "{name}"', remedy
+            yield "lift_chart.joints", f'no joint "{name}"', choose(name, machine.joints)
     if len(set(joints)) < len(joints):
         yield "lift_chart.joints", "a joint is named twice", "name each joint once"
 
@@ -97,8 +97,8 @@ def _of_bands(machine: MachineSection) -> Iterator[Fault]:
             yield f"bands.{key}", fault, "give [lower, upper]"
     for name in several:
         if name not in actuators:
-            remedy = f"choose from: {', '.join(actuators)}"
-            yield f"bands.structures.{name}", f'no actuator "{name}"', remedy
+            fault = f'no actuator "{name}"'
+            yield f"bands.structures.{name}", fault, choose(name, actuators)
 
 
 def _of_tolerances(machine: MachineSection) -> Iterator[Fault]:
@@ -234,8 +234,8 @@ def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
         }[kind]
         for name in names:
             if name not in known:
-                remedy = f"choose from: {', '.join(known)}"
-                yield f"requirements.{path}", f'no {kind} "{name}"', remedy
+                fault = f'no {kind} "{name}"'
+                yield f"requirements.{path}", fault, choose(name, known)
 
 
 def _names_in(requirements: RequirementsSection) -> Iterator[tuple[str, str, Iterable[str]]]:

@@ -9,7 +9,7 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from armdesign.errors import MachineFileError
+from armdesign.errors import MachineFileError, choose
 from armdesign.machine.file.key_paths import annotation, is_table
 from armdesign.machine.file.schema import BY_ACTUATOR, DEFAULT
 
@@ -61,8 +61,8 @@ def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
     parent, _ = annotation(location[:-1])
     known = parent.model_fields if is_table(parent) else node
     if known is node or location[-1] not in known:
-        remedy = f"choose from: {', '.join(known)}"
-        raise MachineFileError(where, f'no "{location[-1]}" in the file', remedy)
+        fault = f'no "{location[-1]}" in the file'
+        raise MachineFileError(where, fault, choose(location[-1], known))
 
 
 def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:

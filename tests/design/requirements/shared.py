@@ -10,9 +10,9 @@ from typing import Any
 from armdesign import Machine, Requirements
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.holding import Lift
-from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Clearance, Outline
 from armdesign.design.requirements.record import Check
+from armdesign.design.requirements.speeds import Speed
 from tests.design.designs import MACHINES, workspace_of
 from tests.machines import named
 from tests.reference_planar import Reference

@@ -30,7 +30,7 @@ def test_a_keyword_is_the_key_of_the_file() -> None:
     [
         ({"lft_share": 0.9}, 'requirements.lft_share: unknown key; did you mean "lift_share"?'),
         ({"end_margin": 0.7}, r"requirements.end_margin: 0.7 is not allowed; .* \[0, 0.5\)"),
-        ({"holding_share": {"lft": 0.7}}, 'no actuator "lft"; choose from: lift'),
+        ({"holding_share": {"lft": 0.7}}, 'no actuator "lft"; did you mean "lift"?'),
     ],
 )
 def test_what_the_file_cannot_have_is_one_line(given: dict[str, object], line: str) -> None:

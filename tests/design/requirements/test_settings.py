@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign import ArmDesignError, Machine, Requirements
 from armdesign.design.program.constraints import evaluations_at
-from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Outline
+from armdesign.design.requirements.speeds import Speed
 from armdesign.errors import MachineFileError
 from tests.design.designs import MACHINES, problem_of, some_x, workspace_of
 from tests.design.requirements.shared import BOOM_PLATE, EVERYTHING, FRONT, POSED, STICK_PLATE

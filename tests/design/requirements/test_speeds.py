@@ -9,7 +9,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
-from armdesign.design.requirements.oil import Speed
+from armdesign.design.requirements.speeds import Speed
 from tests.design.requirements.shared import FLOW, own, reference
 from tests.machines import named
 

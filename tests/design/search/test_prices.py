@@ -12,8 +12,8 @@ import pytest
 import armdesign as ad
 from armdesign import Requirements
 from armdesign.design.requirements.holding import Lift
-from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Outline
+from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from tests.design.designs import MACHINES, problem_of, solved, workspace_of

@@ -20,7 +20,7 @@ from armdesign import ArmDesignError, Requirements, Workspace
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.holding import Lift
-from armdesign.design.requirements.oil import Speed
+from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.prices import prices
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError

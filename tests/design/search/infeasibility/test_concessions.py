@@ -10,9 +10,9 @@ import pytest
 
 from armdesign import Requirements
 from armdesign.design.requirements.holding import Lift
-from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.places import Clearance
 from armdesign.design.requirements.record import Concession
+from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.infeasibility.concessions import (
     conflict_error,
     conflict_rows,

@@ -14,8 +14,8 @@ from armdesign import Machine, Requirements
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, cylinder_mass
 from armdesign.design.requirements.holding import Lift
-from armdesign.design.requirements.oil import Speed
 from armdesign.design.requirements.record import Concession
+from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.infeasibility.concessions import conflict_error
 from armdesign.design.search.infeasibility.explanation import GRANTS, design_or_proof
 from armdesign.errors import InfeasibleError
