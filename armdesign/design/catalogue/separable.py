@@ -214,8 +214,8 @@ class AllowedSizes:
         best = chosen[self._touched_slacks(chosen).min(axis=1).argmax()]
         checks = _checks(self.judge, self.cylinders, best)
         lacks = {c.name: _missed(c) for c in checks if c.slack < -self.judge.tolerance}
-        of = {c.name: c for c in checks}
-        given = concessions(self.judge.requirements, [tuple(lacks)], of, lacks, {})
+        by_name = {c.name: c for c in checks}
+        given = concessions(self.judge.requirements, [tuple(lacks)], by_name, lacks, {})
         return nearest_error(self.judge.placed.name, words, given, OTHERWISE, UntriedError)
 
     def _touched_slacks(self, combinations: Array) -> Array:

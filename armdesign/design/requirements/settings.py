@@ -127,7 +127,7 @@ class Requirements(
         ``speed.NAME``: see ``with_setting``.
         """
         name, how, subkey = self._field(path)
-        return how.number(getattr(self, name), subkey)
+        return how.number_of(getattr(self, name), subkey)
 
     def stated_at(self, path: str) -> str:
         """Key of the number at a key path: the common one where an actuator has no own number."""

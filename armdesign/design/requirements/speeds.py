@@ -94,7 +94,7 @@ class Speeds:
         Stated(
             key="speed",
             read=_read,
-            number=lambda speeds, name: 1.0,
+            number_of=lambda speeds, name: 1.0,
             changed=lambda speeds, name, factor: tuple(
                 s.times(factor) if s.name == name else s for s in speeds
             ),

@@ -50,8 +50,8 @@ class Stated:
     Attributes:
         key: under ``[requirements]``.
         read: the field of a machine's file.
-        number: of the field, by the rest of the key path: the number that is relaxed, in the
-            key's unit.
+        number_of: the field's number that is relaxed, by the rest of the key path, in the key's
+            unit.
         changed: the field with that number changed.
         names: what the field names that a machine may not have.
         completed: the field with what it leaves to defaults.
@@ -61,7 +61,7 @@ class Stated:
 
     key: str
     read: Callable[[Machine], Any]
-    number: Callable[[Any, str], float] = lambda value, subkey: float(value)
+    number_of: Callable[[Any, str], float] = lambda value, subkey: float(value)
     changed: Callable[[Any, str, float], Any] = lambda value, subkey, number: number
     names: Callable[[Any, Machine], Names] = lambda value, machine: iter(())
     check: Callable[[Any], None] = lambda value: None
@@ -90,7 +90,7 @@ def number(key: str, unit: float = 1.0) -> Any:
     how = Stated(
         key=key,
         read=lambda machine: si(getattr(machine.section.requirements, key)),
-        number=lambda value, _: float(value / unit),
+        number_of=lambda value, _: float(value / unit),
         changed=lambda value, _, new: new * unit,
     )
     return stated(how, si(RequirementsSection.model_fields[key].default))
@@ -122,7 +122,7 @@ def shares(key: str) -> Any:
     how = Stated(
         key=key,
         read=read,
-        number=share_of,
+        number_of=share_of,
         changed=changed,
         names=lambda value, machine: iter(
             [(key, "actuator", _with_own(value), [a.name for a in machine.actuators])]
@@ -156,7 +156,7 @@ def numbers_by_cylinder(key: str, unit: float, name: str) -> Any:
     how = Stated(
         key=key,
         read=read,
-        number=lambda values, cylinder: float(values[cylinder] / unit),
+        number_of=lambda values, cylinder: float(values[cylinder] / unit),
         changed=lambda values, cylinder, new: {**values, cylinder: new * unit},
         names=lambda values, machine: iter([(name, "cylinder", values, cylinders(machine))]),
     )
@@ -166,7 +166,7 @@ def numbers_by_cylinder(key: str, unit: float, name: str) -> Any:
 def entries(
     table: str,
     read: Callable[[Machine, str, Any], Any],
-    number: tuple[str, str, float],
+    relaxed: tuple[str, str, float],
     names: Callable[[Any, Machine], Names],
     *,
     label: str = "name",
@@ -177,12 +177,12 @@ def entries(
     Args:
         table: key of the tables.
         read: the entry of one of them, by its name and section.
-        number: key, attribute and unit of the number that is relaxed.
+        relaxed: key, attribute and unit of the number that is relaxed.
         names: what an entry names that a machine may not have.
         label: attribute that is the name of the table.
         check: raises for what is not allowed in an entry.
     """
-    key, attribute, unit = number
+    key, attribute, unit = relaxed
 
     def every(machine: Machine) -> tuple[Any, ...]:
         sections = getattr(machine.section.requirements, table)
@@ -209,7 +209,7 @@ def entries(
     how = Stated(
         key=table,
         read=every,
-        number=number_of,
+        number_of=number_of,
         changed=changed,
         names=lambda values, machine: (each for entry in values for each in names(entry, machine)),
         check=check_all,

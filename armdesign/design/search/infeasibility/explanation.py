@@ -33,8 +33,8 @@ from armdesign.design.search.rounding import inmost_machine, nearest_misses
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import InfeasibleError
 
-# shares by which limits are drawn in, until there is a conflict
-DRAWN_IN = (1e-4, 1e-3, 3e-3, 1e-2)
+# shares by which limits are tightened, until there is a conflict
+TIGHTENED_BY = (1e-4, 1e-3, 3e-3, 1e-2)
 MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
@@ -122,22 +122,22 @@ def require_feasible(search: Search) -> Search:
     search = restore_feasibility(search)
     if search.violation <= MISSED:
         return search
-    conflict = _Conflict.near(search, DRAWN_IN[0] if search.problem.vector.moving else 0.0)
-    if conflict.exists:
+    conflict = _Conflict.near(search, TIGHTENED_BY[0] if search.problem.vector.moving else 0.0)
+    if conflict.must_give:
         raise conflict.error("no design meets")
     return run_from_feasible(search, conflict.x)
 
 
 def not_written(search: Search) -> InfeasibleError:
     """The error where designs meet all requirements, but none was found that can be written."""
-    for share in DRAWN_IN if search.problem.vector.moving else ():
+    for share in TIGHTENED_BY if search.problem.vector.moving else ():
         conflict = _Conflict.near(search, share)
-        if conflict.exists:
+        if conflict.must_give:
             return conflict.error(f"no sizes and pins {_grid(search.problem)} meet")
     missed = nearest_misses(search)
-    names, of = tuple(c.name for c in missed), {c.name: c for c in missed}
+    by_name = {c.name: c for c in missed}
     amounts = {c.name: abs(c.value - c.limit) for c in missed}
-    given, _ = _enough(search, (names,), of, amounts, {}, search.x)
+    given, _ = _sufficient(search, (tuple(by_name),), by_name, amounts, {}, search.x)
     none_meets = f"no sizes {_grid(search.problem)} meet all requirements"
     return nearest_error(search.problem.machine.name, none_meets, given)
 
@@ -157,7 +157,7 @@ class _Conflict:
 
     @classmethod
     def near(cls, search: Search, share: float) -> _Conflict:
-        """The conflict near a search with limits drawn in by a share."""
+        """The conflict near a search with limits tightened by a share."""
         among = ConflictSearch(search.problem.tightened(share), search.x, search.holding)
         subsets = among.disjoint_subsets()
         if not subsets:
@@ -172,7 +172,7 @@ class _Conflict:
         return cls(search, subsets, relaxation, among)
 
     @property
-    def exists(self) -> bool:
+    def must_give(self) -> bool:
         """Whether a requirement has to be relaxed."""
         return bool(self.subsets) and not (self.relaxation and self.relaxation.nothing)
 
@@ -184,14 +184,14 @@ class _Conflict:
     def error(self, none_meets: str) -> InfeasibleError:
         """The error that names the conflict and what relaxation is enough, together and alone."""
         search, amounts = self.search, self.among.amounts(self.among.x)
-        of = {name: condition for name, (condition, _) in amounts.items()}
+        by_name = {name: evaluation for name, (evaluation, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
             lacks = {name: amount for name, (_, amount) in amounts.items() if amount > 0}
-            given = concessions(search.problem.requirements, [tuple(lacks)], of, lacks, {})
+            given = concessions(search.problem.requirements, [tuple(lacks)], by_name, lacks, {})
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
-            alone = {} if search.problem.sizes else self._alone(of, together, x)
-            given, _ = _enough(search, self.subsets, of, together, alone, x)
+            alone = {} if search.problem.sizes else self._alone(by_name, together, x)
+            given, _ = _sufficient(search, self.subsets, by_name, together, alone, x)
         otherwise = ""
         if search.problem.sizes:
             none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
@@ -201,7 +201,7 @@ class _Conflict:
         )
 
     def _alone(
-        self, of: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
+        self, by_name: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
     ) -> dict[str, float | None]:
         """Relaxation of each requirement of a subset where no other of its subset is relaxed.
 
@@ -213,23 +213,25 @@ class _Conflict:
             of_others = {n: together[n] for names in others for n in names if n in together}
             for name in subset if len(subset) > 1 else ():
                 alone[name] = None
-                if not of[name].setting:
+                if not by_name[name].setting:
                     continue
                 relaxation = self.among.least_relaxation([(name,), *others], near)
                 if relaxation is None:
                     continue
                 amounts = {**of_others, name: relaxation.amounts[name]}
                 subsets = [(name,), *others]
-                given, enough = _enough(self.search, subsets, of, amounts, {}, relaxation.x)
+                given, enough = _sufficient(
+                    self.search, subsets, by_name, amounts, {}, relaxation.x
+                )
                 if enough:
                     alone[name] = next(c.together for c in given if c.name == name)
         return alone
 
 
-def _enough(
+def _sufficient(
     search: Search,
     subsets: Sequence[Sequence[str]],
-    of: Mapping[str, Requirement],
+    by_name: Mapping[str, Requirement],
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
     x: Array,
@@ -243,10 +245,10 @@ def _enough(
         larger = {}
         for name, amount in amounts.items():
             if amount > 0:
-                limit = abs(of[name].limit)
-                most = largest_share(problem.requirements, of[name]) * limit
+                limit = abs(by_name[name].limit)
+                most = largest_share(problem.requirements, by_name[name]) * limit
                 larger[name] = max(amount, min(amount + more * limit, most))
-        given = concessions(problem.requirements, subsets, of, larger, alone)
+        given = concessions(problem.requirements, subsets, by_name, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
         if inmost_machine(search.of(granted, np.clip(x, *granted.bounds))) is not None:
             return given, True
