@@ -40,7 +40,7 @@ def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
 def test_steps_in_maps_are_explained(plane: str) -> None:
     """Where a load case ends, a map jumps: said where a machine has such cases, nowhere else."""
     words = "steps: where the pitch of bucket ends load case full"
-    for name, said in (("excavator_20t", True), ("loader_crane", False)):
+    for name, said in (("excavator_20t", True), ("crossing", False)):
         title = plots.map_figure(mapped(name, 4), plane).axes[0].get_title()
         assert (words in title) == said
 
