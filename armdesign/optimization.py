@@ -93,9 +93,9 @@ def optimize(
             stroke on the 0.1 mm grid. From the best free sizes one cylinder after the other
             takes a size of the catalogue while the rest follows; then the best sizes for the pins
             and the best pins for the sizes are found in turn, and one size after the other is
-            chosen again, until nothing is better. ``bound`` is for free sizes and pins; where no
-            pin varies, for sizes of the catalogue. A bore or rod that does not vary stays: then
-            only pairs that have it are offered.
+            chosen again, until nothing is better. ``bound`` is for sizes of the catalogue, with
+            pins and strokes on no grid. A bore or rod that does not vary stays: then only pairs
+            that have it are offered.
         damping: ratio of all modes in place of the file's damping, on which bandwidths rest.
 
     Raises:
