@@ -121,6 +121,12 @@ def _remarks(move: Move) -> list[str]:
             f"From {shaper.low:.3g} to {shaper.high:.3g} Hz at most {worst:.2g} % is left, linear,"
             f" at a damping ratio of {shaper.damping:.3g}; {undamped:.2g} % without damping."
         )
+    if move.empty:
+        names, verb = " and ".join(move.empty), "is" if len(move.empty) == 1 else "are"
+        remarks.append(
+            f"At the end {names} {verb} empty: gravity draws the piston, the valve stays shut. The"
+            f" arm is softer than at rest there; its lowest mode has {move.frequencies[0]:.3g} Hz."
+        )
     if move.plan.starving:
         names = " and ".join(move.plan.starving)
         remarks.append(f"The load draws {names} faster than the pump's side can fill it.")
