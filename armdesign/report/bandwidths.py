@@ -59,11 +59,11 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
             spread = (works[f"{scheme}_hz"].min(), works[f"{scheme}_hz"].median())
             at_softest = bandwidths.softest[f"{scheme}_hz"]
             cells = [f"{value:.3g}" for value in (*spread, at_softest)]
-            peak = worst[f"{scheme}_peak"]
-            rows.append((case, *cells, _seconds(tracking), f"{peak:.2f}" if peak else "–"))
+            peak = f"{worst[f'{scheme}_peak']:.2f}" if worst[f"{scheme}_hz"] else "–"
+            rows.append((case, *cells, _seconds(tracking), peak))
             command = works[f"{scheme}_command_hz"]
-            cells = [f"{value:.3g}" for value in (command.min(), command.median())]
-            cells += [f"{bandwidths.softest[f'{scheme}_command_hz']:.3g}"]
+            at_softest = bandwidths.softest[f"{scheme}_command_hz"]
+            cells = [f"{value:.3g}" for value in (command.min(), command.median(), at_softest)]
             rows.append(("    with feed-forward", *cells, _seconds(GAIN_ERROR * tracking), "″"))
     first = next(iter(maps.values()))
     margin = first.options.aim.margin
