@@ -56,9 +56,8 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
         for scheme, name in NAMES.items():
             case = f"{label}: {name}" if len(maps) > 1 else name
             worst, tracking = bandwidths.worst(scheme), works[f"{scheme}_tracking_s"].max()
-            spread = (works[f"{scheme}_hz"].min(), works[f"{scheme}_hz"].median())
-            at_softest = bandwidths.softest[f"{scheme}_hz"]
-            cells = [f"{value:.3g}" for value in (*spread, at_softest)]
+            hertz, at_softest = works[f"{scheme}_hz"], bandwidths.softest[f"{scheme}_hz"]
+            cells = [f"{value:.3g}" for value in (hertz.min(), hertz.median(), at_softest)]
             peak = f"{worst[f'{scheme}_peak']:.2f}" if worst[f"{scheme}_hz"] else "–"
             rows.append((case, *cells, _seconds(tracking), peak))
             command = works[f"{scheme}_command_hz"]
