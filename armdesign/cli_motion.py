@@ -25,7 +25,7 @@ def move(
     end: ToOption,
     payload: PayloadOption = "",
     shaper: ShaperOption = "zvd",
-    modes: ShapedModesOption = 2,
+    modes: ShapedModesOption = None,
     damping: DampingOption = None,
     duration: DurationOption = None,
     share: ShareOption = 0.7,

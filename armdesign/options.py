@@ -249,7 +249,11 @@ ShaperOption = Annotated[
     ),
 ]
 ShapedModesOption = Annotated[
-    int, typer.Option("--modes", help="Number of lowest modes that it is made for.")
+    int | None,
+    typer.Option(
+        "--modes",
+        help="Number of lowest modes that it is made for; default: up to 4.5 times the lowest.",
+    ),
 ]
 DampingOption = Annotated[
     float | None,

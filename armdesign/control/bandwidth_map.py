@@ -55,9 +55,11 @@ class BandwidthMap(ReadOnly):
     Attributes:
         frame: one row per load case and pose at which it exists; columns: joints [rad, m],
             ``payload``, ``tool_x_m`` …, ``works``: whether a controller can work there, ``f1_hz``,
-            ``damping``, ``merritt_hz``, ``rule_hz``, and of each scheme ``<scheme>_hz`` (its
-            narrowest loop), ``<scheme>_<joint>_hz``, ``<scheme>_command_hz`` (up to which commands
-            are followed with feed-forward), ``<scheme>_margin``, ``<scheme>_peak`` of S,
+            ``damping``, ``bounding_hz`` and ``bounding_damping`` of the mode that decays most
+            slowly (least ζω, which bounds position gains), ``merritt_hz``, ``rule_hz``, and of
+            each scheme ``<scheme>_hz`` (its narrowest loop), ``<scheme>_<joint>_hz``,
+            ``<scheme>_command_hz`` (up to which commands are followed with feed-forward),
+            ``<scheme>_margin``, ``<scheme>_peak`` of S,
             ``<scheme>_tracking_s``: error of a constant-speed move over the speed, without
             feed-forward. Of ``own`` also ``own_settling_s`` and ``own_critical``: factor on its
             gains at which the loops become unstable. All 0 where no controller works.
@@ -234,7 +236,14 @@ def _tabled(
 def _single_loop(plant: LoopPlant) -> dict[str, Array]:
     """Damping, and bandwidths that formulas of a single loop promise [Hz]."""
     lowest, ratio = plant.frequencies[:, 0], plant.damping[:, 0]
-    return {"damping": ratio, "merritt_hz": 2 * ratio * lowest, "rule_hz": lowest / RULE}
+    each, slow = np.arange(len(plant)), (plant.damping * plant.frequencies).argmin(axis=1)
+    return {
+        "damping": ratio,
+        "bounding_hz": plant.frequencies[each, slow],
+        "bounding_damping": plant.damping[each, slow],
+        "merritt_hz": 2 * ratio * lowest,
+        "rule_hz": lowest / RULE,
+    }
 
 
 def _figures(machine: Machine, scheme: str, tuned: Tuned) -> dict[str, Array]:

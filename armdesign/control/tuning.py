@@ -34,6 +34,7 @@ BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ
 CLOSE, WIDER = 1.03, 1.03  # factors within which gains are found, and by which others are better
 # Shares of gains, of which a finer grid allows one.
 RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2)
+HALVINGS = 12  # of gains between which and 0 a grid has missed a band of instability
 MOST_CRITICAL, BISECTIONS = 8.0, 6
 CREEP = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours: no loop's doing
 CREEPING = 2.0  # times the rate at which pressures creep apart with no loop closed
@@ -166,13 +167,30 @@ def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
     """Controllers (n) with the largest κ of all loops that some η of all loops allows."""
     best, chosen = np.zeros((2, len(task.plant)))
     for eta in loss_factors:
-        kappa = task.largest(eta, WIDER * best)
+        kappa = _out_of_bands(task, task.largest(eta, WIDER * best), eta, best)
         better = np.flatnonzero(kappa)
-        # Beyond a band of instability a grid may seem to keep the margin again.
-        better = better[stable(task.plant[better], task.common(kappa, eta)[better])]
         best[better], chosen[better] = kappa[better], eta
     ones, more = (np.ones(shape) for shape in task.shapes)
     return safe(task, task.controller(ones * best[:, None], more * chosen[:, None]))
+
+
+def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
+    """κ (n,) that leaves each loop stable; 0 where it would not be larger than ``least`` (n,).
+
+    A grid may miss the resonance of a mode that is hardly damped, and seem to keep the margin
+    beyond its band of instability.
+    """
+    sound = kappa.copy()
+    rows = np.flatnonzero(kappa)
+    for _ in range(HALVINGS):
+        rows = rows[~stable(task.plant[rows], task.common(sound, eta)[rows])]
+        if len(rows) == 0:
+            break
+        sound[rows] /= 2
+        rows, lost = rows[sound[rows] > least[rows]], rows[sound[rows] <= least[rows]]
+        sound[lost] = 0.0
+    sound[rows] = 0.0
+    return sound
 
 
 def safe(task: Task, controller: Controller) -> Tuned:

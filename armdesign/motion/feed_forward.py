@@ -16,11 +16,12 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.friction import friction_force
 from armdesign.machine.machine import Machine
+from armdesign.machine.poses import Poses
 from armdesign.motion.path_limits import inflow_areas
 from armdesign.simulation.plant.equilibrium import rest_states
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
-from armdesign.simulation.plant.steady_flow import Load, at_speed
+from armdesign.simulation.plant.steady_flow import Load, SteadyFlow, at_speed
 
 SLOW = 1e-6  # [m/s] below which a piston stands
 FULL = 1 - 1e-9  # of the spool's travel
@@ -39,22 +40,9 @@ class SpoolPlan(NamedTuple):
 def spool_plan(machine: Machine, q: Array, velocity: Array) -> SpoolPlan:
     """Spools for joint positions and speeds (n, nq) of a plan."""
     poses, plant = machine.evaluate(machine.rigid_poses(q)), Plant(settled(machine, q[0]))
-    nq = len(machine.joints)
-    speeds = np.einsum("ncj,nj->nc", poses.moment_arms[..., :nq], velocity)
-    flow = (inflow_areas(machine, speeds) * np.abs(speeds)).sum(axis=1)
-    pump, moves = machine.supply, np.abs(speeds) > SLOW
-    used = np.minimum(flow / pump.flow, 1.0) * (pump.cut_off if pump.flow_limited else 0.0)
-    rubs = [
-        actuator.count * friction_force(actuator.friction, speeds[:, i])
-        for i, actuator in enumerate(machine.actuators)
-    ]
-    load = Load(
-        force=poses.cylinder_forces + np.stack(rubs, axis=1) * moves,
-        closed=~moves,
-        supply=(pump.pressure * (1 - used))[:, None],
-    )
-    actuators, system = plant.parameters.actuators[0], plant.parameters.systems[0]
-    steady = at_speed(actuators, system, load, np.where(moves, speeds, 0.0))
+    speeds = np.einsum("ncj,nj->nc", poses.moment_arms[..., : len(machine.joints)], velocity)
+    flow, moves = pump_flow(machine, speeds), np.abs(speeds) > SLOW
+    steady = steady_motion(plant, poses, speeds)
     full = np.abs(steady.spool) > FULL
     names = [actuator.name for actuator in machine.actuators]
     faults = (
@@ -64,3 +52,27 @@ def spool_plan(machine: Machine, q: Array, velocity: Array) -> SpoolPlan:
     first, last = plant.split(rest_states(plant, poses[np.array([0, -1])]))[4]
     stands = first + np.linspace(0.0, 1.0, len(q))[:, None] * (last - first)
     return SpoolPlan(np.where(moves, steady.spool, stands), speeds, flow, *faults)
+
+
+def steady_motion(plant: Plant, poses: Poses, speeds: Array) -> SteadyFlow:
+    """Steady flow through valves while pistons move at speeds (n, nc) [m/s] under static loads."""
+    machine, moves = plant.machine, np.abs(speeds) > SLOW
+    pump = machine.supply
+    used = np.minimum(pump_flow(machine, speeds) / pump.flow, 1.0)
+    line = pump.pressure * (1 - used * (pump.cut_off if pump.flow_limited else 0.0))
+    rubs = [
+        actuator.count * friction_force(actuator.friction, speeds[:, i])
+        for i, actuator in enumerate(machine.actuators)
+    ]
+    load = Load(
+        force=poses.cylinder_forces + np.stack(rubs, axis=1) * moves,
+        closed=~moves,
+        supply=line[:, None],
+    )
+    actuators, system = plant.parameters.actuators[0], plant.parameters.systems[0]
+    return at_speed(actuators, system, load, np.where(moves, speeds, 0.0))
+
+
+def pump_flow(machine: Machine, speeds: Array) -> Array:
+    """Flow (n,) [m³/s] that pistons take from the supply at speeds (n, nc) [m/s]."""
+    return np.asarray((inflow_areas(machine, speeds) * np.abs(speeds)).sum(axis=1))

@@ -32,7 +32,8 @@ class Move(ReadOnly):
         machine: under the load that was planned for.
         poses: joint positions at which it rests (k, nq) [rad, m].
         shaper: with which its course was convolved.
-        frequencies: natural, at the end [Hz], all modes.
+        frequencies: natural, at the end with the oil that is then in the chambers [Hz], all modes.
+        empty: chambers that vapour fills at the end, as gravity empties them and valves stay shut.
         shortest: duration without a shaper that flow and pressures allow [s].
         duration: planned, without the shaper's delay [s].
         lead: before planned motion begins, in which slow spools open [s].
@@ -50,6 +51,7 @@ class Move(ReadOnly):
     poses: Array
     shaper: Shaper
     frequencies: Array
+    empty: tuple[str, ...]
     shortest: float
     duration: float
     lead: float

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import reduce
-from itertools import pairwise
 from operator import mul
 
 import numpy as np
@@ -13,41 +13,30 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.maps import FrequencyMap, frequency_map
-from armdesign.frequency.modes import natural_modes
-from armdesign.machine.machine import Machine
 from armdesign.motion.shapers import TOLERATED, Shaper
-from armdesign.simulation.linearization import linearize
+from armdesign.motion.way import WayModes, way_modes
 
 AT_END = {"zv": Shaper.zv, "zvd": Shaper.zvd, "ei": Shaper.ei}
 KINDS = ("none", *AT_END, "band", "workspace")
-POINTS = 21  # of each leg at which frequencies are looked at
-
-
-def end_modes(machine: Machine, q: Array) -> tuple[Array, Array]:
-    """Natural frequencies [Hz] and damping ratios at a pose (nq,), ascending, by ``linearize``.
-
-    Dry friction, which has no derivative at rest, is left out.
-    """
-    model = linearize(machine, q)
-    return model.natural_frequencies, model.damping_ratios
+HIGHEST = 1 / math.sqrt(TOLERATED)  # of modes that count, over the lowest
 
 
 def shaper_for(
     kind: str,
-    machine: Machine,
-    poses: Array,
+    way: WayModes,
     masses: Sequence[float],
-    modes: int = 2,
+    modes: int | None = None,
     damping: float | None = None,
-) -> Shaper:
-    """The shaper of a kind for a move.
+) -> tuple[Shaper, Array | None]:
+    """The shaper of a kind for a move, and of each leg the paces of its modes: ``trajectory``.
 
     Args:
         kind: one of ``KINDS``.
-        machine: under its load.
-        poses: at which the move rests (k, nq) [rad, m].
+        way: modes along the move.
         masses: of the payload that may be met [kg], the machine's own first.
-        modes: how many of the lowest modes it is made for.
+        modes: how many of the lowest modes it is made for; None: all that count. A step of
+            acceleration makes a mode swing with 1/ω²: those above 4.5 times the lowest, 1/√5 %,
+            do not.
         damping: ratio that it is made for; None: of each mode at the end of the move, of a band
             the least of them.
 
@@ -57,16 +46,20 @@ def shaper_for(
     if kind not in KINDS:
         raise ArmDesignError(f"shaper {kind}", "there is no such kind", choose(kind, KINDS))
     if kind == "none":
-        return Shaper.none()
-    frequencies, ratios = (values[:modes] for values in end_modes(machine, poses[-1]))
-    ratios = ratios if damping is None else np.full(len(ratios), damping)
+        return Shaper.none(), None
+    count = int((way.end <= HIGHEST * way.end[0]).sum()) if modes is None else modes
+    ratios = way.damping[:count] if damping is None else np.full(len(way.end[:count]), damping)
     if kind == "workspace":
-        return workspace_shaper(frequency_map(machine), float(ratios.min()), modes)
+        return workspace_shaper(frequency_map(way.machine), float(ratios.min()), count), None
     if kind == "band":
-        low, high = _way_band(machine, poses, masses, modes)
-        return Shaper.band(low, high, float(ratios.min()))
-    pairs = zip(frequencies.tolist(), ratios.tolist(), strict=True)
-    return reduce(mul, (AT_END[kind](frequency, ratio) for frequency, ratio in pairs))
+        loaded = (way.machine.with_payload(mass) for mass in masses[1:])
+        others = (way_modes(machine, way.legs) for machine in loaded)
+        met = [one.frequencies[..., :count] for one in (way, *others)]
+        low, high = min(one.min() for one in met), max(one.max() for one in met)
+        return Shaper.band(float(low), float(high), float(ratios.min())), None
+    pairs = zip(way.end.tolist(), ratios.tolist(), strict=False)
+    shaper = reduce(mul, (AT_END[kind](frequency, ratio) for frequency, ratio in pairs))
+    return shaper, way.paces(count)
 
 
 @checked
@@ -95,14 +88,3 @@ def workspace_shaper(
     count = len(frequencies.machine.arm.coordinates)
     highest = frequencies.frame[f"f{min(modes, count)}_hz"].max()
     return Shaper.band(frequencies.worst.frequency, float(highest), damping, residual)
-
-
-def _way_band(
-    machine: Machine, poses: Array, masses: Sequence[float], modes: int
-) -> tuple[float, float]:
-    """Lowest and highest frequency [Hz] of some modes over the legs of a move and payloads."""
-    shares = np.linspace(0.0, 1.0, POINTS)[:, None]
-    way = np.concatenate([a + shares * (b - a) for a, b in pairwise(poses)])
-    loaded = [machine, *(machine.with_payload(mass) for mass in masses[1:])]
-    of_all = np.concatenate([natural_modes(one.at(way)).frequencies[:, :modes] for one in loaded])
-    return float(of_all.min()), float(of_all.max())

@@ -1,4 +1,11 @@
-"""Trajectories: joints over time from pose to pose, each leg at rest at both ends, and shaped."""
+"""Trajectories: joints over time from pose to pose, each leg at rest at both ends, and shaped.
+
+A shaper lets a mode ring against itself half a period later. But the period changes with the pose
+while the arm moves, on a boom-up of an excavator by a third. So a part of a shaper that is made
+for a mode at the end of the move shapes the course in the phase φ = ∫ f(σ)/f_end dt of that mode,
+and its impulses are half a period apart wherever they come. What is left is of second order in
+the change of frequency over a period, as amplitudes change, too (1/√ω, moment arms).
+"""
 
 from __future__ import annotations
 
@@ -80,19 +87,57 @@ def _cannot_follow(machine: Machine, leg: Leg, share: float) -> tuple[str, ...]:
     return (*plan.too_fast, *slow)
 
 
-def trajectory(legs: Sequence[Leg], shaper: Shaper) -> Trajectory:
-    """All legs one after the other, every one of them shaped and at rest at its end."""
-    durations = [leg.law.duration + shaper.delay for leg in legs]
-    begins = np.cumsum([0.0, *durations[:-1]])
-    time = _even(sum(durations))
+def trajectory(
+    legs: Sequence[Leg], shaper: Shaper, paces: Sequence[Array] | Array | None = None
+) -> Trajectory:
+    """All legs one after the other, every one of them shaped and at rest at its end.
+
+    Args:
+        legs: straight lines of joint space.
+        shaper: with which the course of each is convolved.
+        paces: of each leg (parts, points), at even points of its line: frequency of the mode there
+            over the one that a part of the shaper is made for. None: 1, the parts shape in time.
+    """
+    if paces is None:
+        paces = [np.ones((len(shaper.parts or (shaper,)), 2))] * len(legs)
+    courses = [_shaped(leg.law, shaper, pace) for leg, pace in zip(legs, paces, strict=True)]
+    begins = np.cumsum([0.0, *(course.time[-1] for course in courses)])
+    time = _even(float(begins[-1]))
     q, velocity = np.tile(legs[0].start, (len(time), 1)), np.zeros((len(time), len(legs[0].start)))
-    for leg, begin in zip(legs, begins.tolist(), strict=True):
-        given, along = _even(leg.law.duration), leg.end - leg.start
-        law = np.stack(leg.law.at(given)[:2], axis=1)
-        sigma, speed = shaper.shaped(given, law, time - begin).T
-        q += sigma[:, None] * along
-        velocity += speed[:, None] * along
+    for leg, course, begin in zip(legs, courses, begins.tolist(), strict=False):
+        along = leg.end - leg.start
+        for values, given in ((q, course.sigma), (velocity, course.speed)):
+            values += np.interp(time - begin, course.time, given)[:, None] * along
     return Trajectory(time, q, velocity)
+
+
+class _Course(NamedTuple):
+    """Course of a leg in time."""
+
+    time: Array  # (n,) [s]
+    sigma: Array  # share of its line (n,)
+    speed: Array  # σ̇ (n,) [1/s]
+
+
+def _shaped(law: TimeLaw, shaper: Shaper, paces: Array) -> _Course:
+    """A time law shaped by every part in the phase of its mode, by the lowest mode last."""
+    time = _even(law.duration)
+    sigma, speed = law.at(time)[:2]
+    shares = np.linspace(0.0, 1.0, paces.shape[1])
+    for part, pace in reversed(list(zip(shaper.parts or (shaper,), paces, strict=True))):
+        faster = np.interp(sigma, shares, pace)
+        phase = _integral(time, faster)  # [s] at the frequency that the part is made for
+        later = _even(float(phase[-1]) + part.delay)
+        sigma, speed = part.shaped(phase, np.stack([sigma, speed / faster], axis=1), later).T
+        faster = np.interp(sigma, shares, pace)
+        time, speed = _integral(later, 1 / faster), speed * faster
+    return _Course(time, sigma, speed)
+
+
+def _integral(time: Array, values: Array) -> Array:
+    """Integral of values (n,) from the first instant on (n,)."""
+    steps = np.diff(time) * (values[1:] + values[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _even(duration: float) -> Array:

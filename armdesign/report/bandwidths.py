@@ -113,13 +113,13 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
         for scheme, name in NAMES.items():
             case = f"{label}: {name}" if len(maps) > 1 else name
             worst, tracking = bandwidths.worst(scheme), works[f"{scheme}_tracking_s"].max()
-            spread = (works[f"{scheme}_hz"].min(), works[f"{scheme}_hz"].median())
-            at_softest = bandwidths.softest[f"{scheme}_hz"]
-            cells = [f"{value:.3g}" for value in (*spread, at_softest)]
-            rows.append((case, *cells, _seconds(tracking), f"{worst[f'{scheme}_peak']:.2f}"))
+            hertz, at_softest = works[f"{scheme}_hz"], bandwidths.softest[f"{scheme}_hz"]
+            cells = [f"{value:.3g}" for value in (hertz.min(), hertz.median(), at_softest)]
+            peak = f"{worst[f'{scheme}_peak']:.2f}" if worst[f"{scheme}_hz"] else "–"
+            rows.append((case, *cells, _seconds(tracking), peak))
             command = works[f"{scheme}_command_hz"]
-            cells = [f"{value:.3g}" for value in (command.min(), command.median())]
-            cells += [f"{bandwidths.softest[f'{scheme}_command_hz']:.3g}"]
+            at_softest = bandwidths.softest[f"{scheme}_command_hz"]
+            cells = [f"{value:.3g}" for value in (command.min(), command.median(), at_softest)]
             rows.append(("    with feed-forward", *cells, _seconds(GAIN_ERROR * tracking), "″"))
     first = next(iter(maps.values()))
     margin = first.options.aim.margin
@@ -163,10 +163,8 @@ def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:
     for scheme, name in NAMES.items():
         rows.append((f"worst, {name}", *_row_of(bandwidths, bandwidths.worst(scheme), units)))
     note = "f: lowest natural frequency; ζ: its damping; own: bandwidth with own gains"
+    note += _hardly_damped(bandwidths)
     works = bandwidths.frame["works"]
-    lost = int((works & (bandwidths.frame["own_hz"] == 0)).sum())
-    if lost:
-        note += f"; at {lost} poses no gains keep the margin"
     unworkable = int((~works).sum())
     if unworkable:
         note += (
@@ -179,6 +177,29 @@ def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:
         rows=tuple(rows),
         note=note,
     )
+
+
+def _hardly_damped(bandwidths: BandwidthMap) -> str:
+    """Modes above the lowest that bound gains, and poses at which no gains keep the margin."""
+    frame, words = bandwidths.frame, ""
+    worst = bandwidths.worst("proportional")
+    if worst["bounding_damping"] < worst["damping"]:
+        words = f"; what bounds position loops at their worst pose is {_bounding(worst)}"
+    for scheme, name in NAMES.items():
+        lost = frame[frame["works"] & (frame[f"{scheme}_hz"] == 0)]
+        if len(lost):
+            decay = lost["bounding_hz"] * lost["bounding_damping"]
+            row = lost.iloc[int(decay.to_numpy().argmin())]
+            words += (
+                f"; {name.removeprefix('+ ')}: no gains keep the margin at {len(lost)} of"
+                f" {len(frame)} poses, as at one with {_bounding(row)}: give friction or"
+                " leakage, or ask for less"
+            )
+    return words
+
+
+def _bounding(row: pd.Series[Any]) -> str:
+    return f"the mode at {row['bounding_hz']:.3g} Hz with ζ {row['bounding_damping']:.2g}"
 
 
 def _row_of(bandwidths: BandwidthMap, row: pd.Series[Any], units: Units) -> tuple[str, ...]:

@@ -19,7 +19,9 @@ ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of a frequency
 def move_sheets(move: Move, units: Units = WORKSHOP) -> list[Sheet | str]:
     """Runs, shapers, and what limited the motion."""
     flow = units.text(move.machine.supply.flow, "m³/s")
-    shaper = "without a shaper" if not move.shaper.delay else f"shaped by {move.shaper.words}"
+    longer = move.planned.duration - move.duration
+    shaped = f"and {longer:.3g} s more as it is shaped by {move.shaper.words}"
+    shaper = shaped if move.shaper.delay else "without a shaper"
     begin = (
         f"The move takes {move.duration:.3g} s, {shaper}; pump ({flow}), valves and pressures"
         f" allow {move.shortest:.3g} s at the shortest."
@@ -120,6 +122,12 @@ def _remarks(move: Move) -> list[str]:
         remarks.append(
             f"From {shaper.low:.3g} to {shaper.high:.3g} Hz at most {worst:.2g} % is left, linear,"
             f" at a damping ratio of {shaper.damping:.3g}; {undamped:.2g} % without damping."
+        )
+    if move.empty:
+        names, verb = " and ".join(move.empty), "is" if len(move.empty) == 1 else "are"
+        remarks.append(
+            f"At the end {names} {verb} empty: gravity draws the piston, the valve stays shut. The"
+            f" arm is softer than at rest there; its lowest mode has {move.frequencies[0]:.3g} Hz."
         )
     if move.plan.starving:
         names = " and ".join(move.plan.starving)

@@ -162,6 +162,17 @@ def linear_models(
     return replace(stacked(parts, len(rigid)), machine=machine)
 
 
+def models_under(machine: Machine, q: Array, pressures: Array) -> LinearModels:
+    """Linear models about rest at poses (n, nq) with other pressures (n, 2, nc) [Pa] than of rest.
+
+    They hold the loads, too, as trapped oil does after a move.
+    """
+    plant = Plant(without_dry_friction(settled(machine, q[0])))
+    point = at_rest(plant, machine.rigid_poses(q))
+    states = plant.with_pressures(point.states, pressures)
+    return replace(assembled(plant, point._replace(states=states)), machine=machine)
+
+
 def without_dry_friction(machine: Machine) -> Machine:
     """The machine with viscous friction alone: dry friction has no derivative at rest."""
 

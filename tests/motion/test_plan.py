@@ -24,11 +24,11 @@ def swung() -> ad.Move:
 
 
 def test_a_shaped_move_rings_less_and_takes_longer_by_its_delays(swung: ad.Move) -> None:
-    """Two legs: two delays of a period each."""
+    """Two legs: two delays of a period each, as long as the mode's period is where they come."""
     assert swung.shaper.name == "zvd"
     assert swung.shaper.delay == pytest.approx(1 / swung.frequencies[0], rel=1e-3)
     delays = swung.planned.duration - swung.duration
-    assert delays == pytest.approx(2 * swung.shaper.delay, rel=1e-9)
+    assert delays == pytest.approx(2 * swung.shaper.delay, rel=0.01)
     assert swung.shortest == pytest.approx(swung.duration, rel=1e-12)
     assert max(swung.reductions) < 0.2
     assert [run.mass for run in swung.runs] == pytest.approx([200, 200, 180, 180, 220, 220])
@@ -131,6 +131,39 @@ def test_boom_up_and_stop_leaves_a_twentieth(name: str) -> None:
     assert len(move.runs) == 6
     assert move.unshaped.residual > 0.01
     assert max(move.reductions) <= 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("payload", "stick", "bucket", "boom"),
+    [
+        ("empty", -60, -60, (20, 50)),  # 1.82 Hz at its start, 1.34 Hz at its end
+        ("empty", -50, -20, (20, 50)),
+        ("empty", -60, -60, (-40, 60)),
+        ("full", -60, -60, (-40, 0)),  # stick's cap is empty at the end
+        ("full", -90, -90, (20, 50)),
+        ("full", -130, -100, (0, 10)),  # three modes within 4.5 times the lowest
+        ("full", -90, -90, (40, 0)),  # down
+    ],
+)
+def test_the_boom_up_of_other_poses_leaves_a_twentieth(
+    payload: str, stick: float, bucket: float, boom: tuple[float, float]
+) -> None:
+    """Moves of which shaping in time for two modes at rest leaves 4 to 24 %; now at most 2.1 %."""
+    poses = np.radians([[angle, stick, bucket] for angle in boom])
+    move = ad.plan_move(ad.load("excavator_20t"), *poses, payload=payload)
+    assert max(move.reductions) <= 0.05
+
+
+@pytest.mark.slow
+def test_a_chamber_that_collapses_on_the_way_needs_a_slower_move() -> None:
+    """Almost no load holds stick's cap at 5 bar: at 0.7 of the force it empties and fills again
+    with every change of acceleration, and 5.1 % are left; at half of it 0.7 %.
+    """
+    poses = np.radians([[-40.0, -50.0, -20.0], [0.0, -50.0, -20.0]])
+    move = ad.plan_move(ad.load("excavator_20t"), *poses, payload="empty", share=0.5)
+    assert move.reductions[0] <= 0.05
+    assert move.empty == ("stick's cap",)
 
 
 @pytest.mark.slow

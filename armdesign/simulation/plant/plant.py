@@ -174,6 +174,12 @@ class Plant:
         moved[:, self._parts[5]] = position
         return moved
 
+    def with_pressures(self, state: Array, pressures: Array) -> Array:
+        """States (n, size) with pressures (n, 2, nc) [Pa] in the chambers."""
+        moved = state.copy()
+        moved[:, self._chambers] = pressures.reshape(len(state), -1) / bar
+        return moved
+
     def derivative(self, state: Array, command: Array) -> Array:
         """ẏ at states (n, size) under spool commands −1…1 (n, nc); NaN if a four-bar is open."""
         return self.evaluate(state, command).rates
