@@ -23,7 +23,8 @@ THICK: Style = {"lw": 1.6}
 FAINT: Style = {"lw": 1.0, "alpha": 0.45}
 TOLERATED = 5.0  # [%] of a step's vibration, by which widths of shapers are compared
 NEAR = 2.5  # times the lowest frequency, up to which shapers are compared
-LEAST = 1e-4  # of the largest line that a spectrum shows
+LEAST = 1e-4  # of the largest line that a spectrum shows, or
+SHOWN = 0.05  # of the smaller peak, where that is less
 
 
 @literal
@@ -179,7 +180,7 @@ def residual_oscillation(run: MoveRun, ax: Axes | None = None, **style: Any) -> 
 def _spectrum(ax: Axes, move: Move) -> None:
     runs: tuple[tuple[MoveRun, dict[str, float]], ...]
     runs = ((move.shaped, THICK), (move.unshaped, FAINT))
-    largest = max(float(run.spectrum[1].max()) for run, _ in runs) / mm
+    peaks = [float(run.spectrum[1].max()) / mm for run, _ in runs]
     for run, style in runs:
         frequency, size = run.spectrum
         label = "shaped" if run.shaped else "unshaped"
@@ -188,5 +189,6 @@ def _spectrum(ax: Axes, move: Move) -> None:
     for k, natural in enumerate(move.frequencies[move.frequencies < top].tolist()):
         label = "natural, linear" if k == 0 else ""
         ax.axvline(natural, color=COMPUTED, ls=":", label=label)
-    ax.set(xlim=(0, top), ylim=(LEAST * largest, 2 * largest))
+    least = min(LEAST * max(peaks), SHOWN * min(peaks))
+    ax.set(xlim=(0, top), ylim=(max(least, 1e-9), 2 * max(peaks)))
     ax.set(xlabel="frequency [Hz]", ylabel="amplitude [mm]", title="Spectrum of what is left")
