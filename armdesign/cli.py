@@ -97,7 +97,7 @@ def map_command(run: OverWorkspace) -> None:
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
-        output.write_lift_charts(lift_charts({model.name: model}), folder)
+        output.write_lift_charts(lift_charts({plots.title_of(model): model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
         output_reports.write_map_report(frequencies, sheets, run.origin(), folder, run.units.units)
     run.show(sheets, lambda: of_map(frequencies))

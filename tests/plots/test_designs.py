@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armdesign import lift_chart, plots
+from armdesign.plots.lift_charts import LIMITED
 from tests import machines
 
 
@@ -49,6 +50,12 @@ def test_curves_of_a_motor() -> None:
     wanted = machine.supply.pressure * machine.motors[0].bore_area / 1000
     for line in torques.lines:
         assert line.get_ydata() == pytest.approx(np.full(len(line.get_ydata()), wanted))
+
+
+def test_a_lift_chart_says_whose_it_is() -> None:
+    """Its label stands above what limits the capacities."""
+    fig = plots.lift_charts({"the crane": lift_chart(machines.named("patu_boom"))})
+    assert fig.axes[0].get_title() == f"the crane\n{LIMITED}"
 
 
 def test_lift_charts_of_two_machines_have_one_scale() -> None:
