@@ -5,14 +5,20 @@ from __future__ import annotations
 import ast
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import armdesign as ad
+from armdesign.design.design import Design
 from armdesign.design.requirements.performance import torque_shares
+from armdesign.output_reports import write_report
 from armdesign.report.lift_charts import lift_frame
+from armdesign.report.provenance import Origin
+from armdesign.simulation.validation import validate_maps
+from armdesign.units import WORKSHOP
 
 ROOT = Path(__file__).parents[1]
 STUDY = re.compile(r"^\| \[(\d\d)\]\((?:\.\./)?studies/(\S+\.py)\) .*\| (.*) \|$", re.M)
@@ -30,10 +36,15 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", README, flags=re.S)
 
 
+@cache
+def main_job() -> Design:
+    return ad.optimize(ad.load("excavator_20t"))
+
+
 @pytest.mark.slow
 def test_the_first_answer_is_of_this_version() -> None:
     """New machine, gain at the file's values and within the bands, sizes, and what they cost."""
-    design = ad.optimize(ad.load("excavator_20t"))
+    design = main_job()
     today, new = design.before.worst.frequency, design.after.worst.frequency
     real = max(design.starts) / design.problem.dynamics.corners.nominal
     boom = design.machine.cylinders[0]
@@ -55,6 +66,17 @@ def test_the_first_answer_is_of_this_version() -> None:
     ):
         assert words.replace(" 2 places", " two places") in printed
     assert low[least].all()
+
+
+@pytest.mark.slow
+def test_its_report_is_one_file_of_at_most_2_mb(tmp_path: Path) -> None:
+    """At most 1.3 MB even: machines with more joints and parts need more than this one."""
+    design = main_job()
+    runs = validate_maps([design.before, design.after])
+    proofs = dict(zip(("today", "new"), runs, strict=True))
+    origin = Origin.begin("armdesign design excavator_20t", {})
+    write_report(design, proofs, origin, tmp_path, WORKSHOP)
+    assert (tmp_path / "report.html").stat().st_size <= 1.3e6
 
 
 def test_two_commands_do_all_the_set_up() -> None:
