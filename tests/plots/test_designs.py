@@ -29,6 +29,14 @@ def test_curves_of_moment_arms_take_any_machines(tmp_path: Path) -> None:
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
 
 
+def test_todays_curves_are_drawn_above_the_same_ones() -> None:
+    one = machines.named("patu_boom")
+    for ax in plots.moment_arm_curves({"today": one, "new": one}).axes:
+        heights = [line.get_zorder() for line in ax.lines]
+        assert heights == sorted(heights, reverse=True)
+        assert heights[0] > heights[-1]
+
+
 def test_curves_of_a_cylinder_across_two_joints() -> None:
     """One picture for each joint it spans, the other joint in the middle of its range."""
     machine = machines.named("crossing")  # lift about the boom, long about both
