@@ -405,6 +405,13 @@ def _design(
     return answer
 
 
+def _end_workers() -> None:
+    """End processes that an interrupt kept out of their pool: Python would wait for them."""
+    if "multiprocessing" in sys.modules:
+        for worker in sys.modules["multiprocessing"].active_children():
+            worker.terminate()
+
+
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
@@ -429,5 +436,6 @@ def main() -> None:
             # typer takes an end of file for Ctrl-D, but no command asks for input
             if isinstance(error.__cause__, EOFError):
                 raise error.__cause__ from None
+        _end_workers()
         tell(f"armdesign: {output.interruption()}", sys.stderr)
         sys.exit(128 + signals[-1] if signals else INTERRUPTED)
