@@ -55,7 +55,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     The function itself judges first, because it knows more of its values. If it ends in an error
     that is not the package's, an argument that its annotations do not allow is at fault; without
     such an argument the error stays as it is. Annotations that are neither a plain type nor a
-    class of the package, as aliases and arrays, allow everything.
+    class of the package, as aliases and arrays, allow everything. An unknown keyword of a function
+    that takes requirements is answered by how one is given.
 
     Raises:
         ArmDesignError: from the function made, for an argument of another type.
@@ -73,12 +74,23 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 given = signature.bind(*words, **named).arguments
             except TypeError:
                 given = {}  # one is missing or unknown, as Python says
+                if "requirements" in signature.parameters:
+                    refuse_unknown(named, signature, function.__name__)
             for name, kind in annotations.items():
                 if name in given:
                     refuse_unless(name, given[name], kind)
             raise
 
     return judged
+
+
+def refuse_unknown(named: Mapping[str, Any], signature: inspect.Signature, door: str) -> None:
+    """Raise for a keyword that is none of the arguments: it may be meant as a requirement."""
+    for name in named:
+        if name not in signature.parameters:
+            said = f"requirements=ad.Requirements.of(machine, {name}={reprlib.repr(named[name])})"
+            remedy = f"a requirement is given by {said}; help(ad.{door}) lists the arguments"
+            raise ArmDesignError(name, f"is no argument of {door}", remedy) from None
 
 
 def refuse_unless(name: str, value: Any, annotation: str) -> None:

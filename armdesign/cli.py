@@ -98,7 +98,7 @@ def map_command(run: OverWorkspace) -> None:
         write_csv(frequencies.frame, folder / "map.csv")
         write_csv(frequencies.stiffness, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
-        output.write_lift_charts(lift_charts({model.name: model}), folder)
+        output.write_lift_charts(lift_charts({plots.title_of(model): model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")
         output_reports.write_map_report(frequencies, sheets, run.origin(), folder, run.units.units)
     run.show(sheets, lambda: of_map(frequencies))
@@ -406,6 +406,13 @@ def _design(
     return answer
 
 
+def _end_workers() -> None:
+    """End processes that an interrupt kept out of their pool: Python would wait for them."""
+    if "multiprocessing" in sys.modules:
+        for worker in sys.modules["multiprocessing"].active_children():
+            worker.terminate()
+
+
 def main() -> None:
     """Entry point of ``armdesign``: bad input becomes one line on stderr and exit code 2."""
     output.changed.clear()
@@ -430,5 +437,6 @@ def main() -> None:
             # typer takes an end of file for Ctrl-D, but no command asks for input
             if isinstance(error.__cause__, EOFError):
                 raise error.__cause__ from None
+        _end_workers()
         tell(f"armdesign: {output.interruption()}", sys.stderr)
         sys.exit(128 + signals[-1] if signals else INTERRUPTED)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import sys
 
 from armdesign.options import (
     FreshOption,
@@ -13,7 +12,7 @@ from armdesign.options import (
     SchedulerOption,
     StudyArgument,
 )
-from armdesign.output import command_line, tell
+from armdesign.output import command_line, kept
 from armdesign.runs import Run, command
 
 JOURNAL = "sweep.sqlite"
@@ -41,23 +40,19 @@ def sweep(
 
     out = run.folder(study)
     try:
-        with run.progress("reading the study") as say:
+        with run.progress("sweeping"):
             answers = swept(
                 **read_study(study, allow_outside=allow_outside),
                 workers=_processors() if workers is None else workers,
                 scheduler=scheduler or None,
                 journal=out / JOURNAL,
                 new=new,
-                say=say,
             )
             table = answers.frame
-    except KeyboardInterrupt:
-        journal = out / JOURNAL
-        if journal.exists():
-            words = f"{command_line()}".replace(" --new", "")
-            tell(
-                f"armdesign: finished cases are kept in {journal}; go on with: {words}", sys.stderr
-            )
+    except KeyboardInterrupt as stop:
+        if (out / JOURNAL).exists():
+            kept.append(out / JOURNAL)
+            stop.args = (f"go on with: {command_line().replace(' --new', '')}",)
         raise
     with run.writing(out) as folder:
         table.to_csv(folder / "sweep.csv", index=False)  # every digit

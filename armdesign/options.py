@@ -130,7 +130,7 @@ FrequencyOption = Annotated[
     float,
     typer.Option(
         "--frequency",
-        help="Worst natural frequency to reach, in Hz; needs --least.",
+        help="Worst natural frequency to reach, in Hz, within the bands; needs --least.",
         show_default=False,
     ),
 ]

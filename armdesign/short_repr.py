@@ -17,7 +17,7 @@ def short_repr(result: Any) -> str:
     class whose fields do not say what matters has a ``headline``, which stands before them.
     """
     name, headline = type(result).__name__, getattr(result, "headline", "")
-    text = f"{name}: {_fields(result, 0)}".rstrip(": ")
+    text = f"{name}: {_fields(result, 0) or 'as by default'}"
     first = textwrap.shorten(f"{name} {headline}", COLUMNS, placeholder=" …")
     most = LINES - bool(headline)
     lines = textwrap.wrap(text, COLUMNS, max_lines=most, placeholder=" …", subsequent_indent="  ")

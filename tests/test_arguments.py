@@ -98,3 +98,14 @@ def test_a_wrong_call_is_pythons_own_error() -> None:
         ad.least(ONE)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match=r"got an unexpected keyword argument 'x'"):
         ad.frequency_map(ONE, x=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("door", ["optimize", "size_cylinders", "least", "pareto", "steps"])
+def test_a_requirement_by_keyword_is_told_how_it_is_given(door: str) -> None:
+    with pytest.raises(ad.ArmDesignError) as refused:
+        DOORS[door](ONE, lift_share=0.9)
+    assert str(refused.value) == (
+        f"lift_share: is no argument of {door}; a requirement is given by"
+        " requirements=ad.Requirements.of(machine, lift_share=0.9);"
+        f" help(ad.{door}) lists the arguments"
+    )

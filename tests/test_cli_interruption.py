@@ -49,6 +49,29 @@ def test_a_failed_write_leaves_the_old_files(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+STRAY = """
+import sys, time
+from joblib.externals.loky.backend import get_context
+from armdesign import cli
+from armdesign.frequency import maps
+def interrupted(*_, **__):
+    get_context("loky").Process(target=time.sleep, args=(600,)).start()
+    raise KeyboardInterrupt
+maps.frequency_map = interrupted
+sys.argv = ["armdesign", "map", "paper_1dof"]
+cli.main()
+"""
+
+
+@pytest.mark.slow
+def test_no_worker_outlives_an_interrupt() -> None:
+    """One that started while it came, so that its pool does not know it, is waited for at exit."""
+    words = [sys.executable, "-c", STRAY]
+    done = subprocess.run(words, capture_output=True, timeout=60, text=True, check=False)
+    assert done.stderr == "armdesign: interrupted; nothing was written\n"
+    assert done.returncode == 130
+
+
 WAITING = """
 import sys, time
 from armdesign import cli, plots

@@ -91,8 +91,8 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(tmp_path: Path) -> None:
     run.send_signal(signal.SIGINT)
     _, words = run.communicate(timeout=60)
     assert run.returncode == 130
-    assert re.search(r"finished cases are kept in \S+sweep\.sqlite; go on with: armdesign", words)
-    assert "Traceback" not in words
+    kept = r"what was finished is kept in \S+sweep\.sqlite; go on with: armdesign sweep .*\n"
+    assert re.fullmatch(r"armdesign: interrupted at case \d+ of 1200; " + kept, words)
 
 
 KILLED = """

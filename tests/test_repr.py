@@ -61,18 +61,23 @@ def test_what_matters_is_in_it() -> None:
     assert frequencies.worst.payload in shown
     assert "paper_1dof" in shown
     assert repr(ad.Requirements(lift_share=0.8)) == "Requirements: lift_share 0.8"
+    assert repr(ad.Requirements()) == "Requirements: as by default"
 
 
 def test_headlines_say_what_fields_do_not() -> None:
     machine = ad.load("paper_1dof")
     workspace = ad.Workspace.grid(machine, points=3)
     design = ad.size_cylinders(machine, workspace, ad.Requirements(oil_total_share=1.05))
-    linear = ad.linearize(machine, [0.0])
+    linear, wider = ad.linearize(machine, [0.0]), {"cylinder.lift.bore_mm": 70.0}
     for result, words in (
         (design, f"Design of paper_1dof: {design.unrounded:.4g} Hz before rounding"),
         (linear, f"LinearModel of paper_1dof: {linear.natural_frequencies[0]:.4g} Hz (ζ "),
         (ad.linear_models(machine, [[0.0], [0.1]]), "LinearModels of paper_1dof: 2 poses, 2 stab"),
         (ad.sensitivity(machine, workspace), "Sensitivity of paper_1dof: worst 7.452 Hz, by 21"),
+        (ad.what_if(machine, wider, points=3), "WhatIf of paper_1dof: worst 7.452 → 9.558 Hz"),
+        (ad.validate(machine, [0.0]), "Validation over boom: 2 of 2 sweeps fitted, largest devi"),
+        (ad.bandwidth_map(machine, workspace, damping=0.02), "BandwidthMap of paper_1dof: worst "),
+        (ad.frequency_band(machine, workspace), "FrequencyBand from 7.452 to 7.452 Hz, 7.452 Hz"),
     ):
         lines = repr(result).splitlines()
         assert lines[0].startswith(words)

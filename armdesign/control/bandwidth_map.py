@@ -78,6 +78,14 @@ class BandwidthMap(ReadOnly):
     workspace: Workspace
     options: ControlOptions
 
+    @property
+    def headline(self) -> str:
+        """Machine, and its least bandwidth with pressure feedback and without."""
+        if not self.frame["works"].any():
+            return f"of {self.machine.name}: no controller works at any pose"
+        own, alone = (self.worst(s)[f"{s}_hz"] for s in ("own", "proportional"))
+        return f"of {self.machine.name}: worst {own:.4g} Hz, {alone:.4g} by position loops alone"
+
     def worst(self, scheme: str = "own") -> pd.Series[Any]:
         """The row with the least bandwidth of a scheme, of those at which a controller works."""
         return self._least(f"{scheme}_hz")

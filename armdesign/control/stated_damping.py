@@ -86,5 +86,8 @@ def refuse_undamped(machine: Machine, ratios: Array, q: Array) -> None:
         f"mode {mode + 1} has a damping ratio of {ratio:.2g} at {where},"
         f" payload {machine.payload.name}: no bandwidth can rest on that"
     )
-    remedy = "state it, as --damping 0.02 (a measured crane), or give viscous friction or leakage"
+    remedy = (
+        "state it, as --damping 0.02 (in Python damping=0.02; a measured crane), or give viscous"
+        " friction or leakage"
+    )
     raise ArmDesignError(f"{machine.name}: damping", fault, remedy)

@@ -83,7 +83,7 @@ def least(
         workspace: poses that count; default grid if None.
         requirements: all other limits; None: the machine's file states them.
         frequency: lowest coupled frequency [Hz] that no pose of the workspace and load case may
-            fall below.
+            fall below, nor within the bands.
         of: "oil": swept volume of all cylinders together, bore sides or annulus sides, whichever
             is the larger share of today's (``oil_total_share``). "flow": pump flow at which every
             actuator, moving alone, crosses its range in today's time: the largest share of today's
@@ -275,6 +275,8 @@ class LeastAmount:
         dear = sorted(costs, key=lambda name: costs[name])[:NAMED]
         dearest = f", {' and '.join(dear)} first," if dear else ""
         allowed = f"the other requirements allow {reached:.4g} Hz"
+        if self.problem.dynamics.corners.bands != Bands():
+            allowed += " within the bands (--nominal or bands=ad.Bands(): at the file's values)"
         fault = f"{self.frequency:.4g} Hz is out of reach: {allowed}"
         remedy = f"relax them{dearest} or ask for less"
         return InfeasibleError(self.problem.machine.name, fault, remedy)

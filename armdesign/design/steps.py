@@ -107,6 +107,12 @@ class Steps:
     steps: tuple[DesignStep, ...]
     left_out: dict[int, str]
 
+    @property
+    def headline(self) -> str:
+        """Machine, and the gain of each step."""
+        gains = ", ".join(f"{100 * one.gain:+.1f} % by {len(one.pins)}" for one in self.steps)
+        return f"of {self.today.name}: by number of moved pins {gains or 'nothing'}"
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Gain by pins moved, and which they are; returns the axes."""
         from armdesign import plots

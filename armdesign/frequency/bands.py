@@ -264,6 +264,12 @@ class FrequencyBand:
     nominal: float
     sample: Callable[[], tuple[float, ...]] = field(repr=False)
 
+    @property
+    def headline(self) -> str:
+        """Frequencies at the soft end, with the file's values, at the stiff end."""
+        low, high = self.low.frequency, self.high.frequency
+        return f"from {low:.4g} to {high:.4g} Hz, {self.nominal:.4g} Hz at the file's values"
+
     @cached_property
     def between(self) -> tuple[float, ...]:
         """Worst frequency at places spread between the corners [Hz], the same for all machines."""

@@ -63,6 +63,12 @@ class WhatIf:
     after: FrequencyMap
     frame: pd.DataFrame
 
+    @property
+    def headline(self) -> str:
+        """Machine, and its worst frequency before and after."""
+        before, after = (one.worst.frequency for one in (self.before, self.after))
+        return f"of {self.before.machine.name}: worst {before:.4g} → {after:.4g} Hz"
+
     @cached_property
     def _numbers(self) -> pd.DataFrame:
         numeric = ~self.frame["before"].map(lambda value: isinstance(value, str))

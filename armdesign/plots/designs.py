@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import cycle
+from itertools import count, cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,13 +73,14 @@ def moment_arm_curves(machines: Mapping[str, Machine]) -> Figure:
     for (name, joint), (arms, torques) in zip(spans, pairs, strict=False):
         styles = cycle(STYLES) if len(machines) > 1 else [("-", INK)]
         known = first.arm.joints[first.joints.index(joint)]
-        for (label, of), (style, colour) in zip(curves.items(), styles, strict=False):
+        above = count(3.0, -0.1)  # the first above others that are the same
+        for (label, of), (style, colour), z in zip(curves.items(), styles, above, strict=False):
             if (at := of.get((name, joint))) is None:
                 continue
             q, unit = joint_values(known, at.q), 1000 if known.revolute else 1
-            arms.plot(q, unit * at.arm, style, color=colour, label=label)
+            arms.plot(q, unit * at.arm, style, color=colour, label=label, zorder=z)
             for side, width in enumerate((1.8, 0.9)):
-                torques.plot(q, at.torque[side] / 1000, style, color=colour, lw=width)
+                torques.plot(q, at.torque[side] / 1000, style, color=colour, lw=width, zorder=z)
         actuator = next(a for a in first.actuators if a.name == name)
         arms.set_ylabel("moment arm [mm]" if known.revolute else "cylinder per joint [m/m]")
         torques.set_ylabel("torque [kN m]" if known.revolute else "force [kN]")

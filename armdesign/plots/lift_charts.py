@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes, Figure
 
 KILOGRAMS = "lift capacity [kg]"
+LIMITED = "87 % hydraulic, or 75 % of tipping (ISO 10567)"
 
 
 @literal
@@ -35,20 +36,20 @@ def lift_chart(chart: LiftChart, ax: Axes | None = None, **limits: float) -> Axe
         (f"{mass:.0f}", name) for mass, name in zip(chart.capacity, chart.limiting, strict=True)
     ]
     _points(ax, (chart.reach, chart.height), chart.capacity, words, KILOGRAMS, COLOURS, limits)
-    ax.set_title("87 % hydraulic, or 75 % of tipping (ISO 10567)", fontsize=10)
+    ax.set_title(LIMITED, fontsize=10)
     return ax
 
 
 @literal
 def lift_charts(charts: Mapping[str, LiftChart]) -> Figure:
     """Figure of one chart, or of two on one colour scale with their ratio beside them."""
-    fig, axes = figure(1, 7.0, 4.6) if len(charts) == 1 else figure(3, 4.6, 7.0)
+    fig, axes = figure(1, 7.0, 4.6) if len(charts) == 1 else figure(3, 4.0, 5.4)
     most = max(float(chart.capacity.max()) for chart in charts.values())
     for ax, (label, chart) in zip(axes, charts.items(), strict=False):
         lift_chart(chart, ax, vmin=0.0, vmax=most)
         ax.set_title(label, fontsize=11)
     if len(charts) == 1:
-        axes[0].set_aspect("auto")  # tall and narrow charts would be a column amid white paper
+        axes[0].set_title(f"{next(iter(charts))}\n{LIMITED}", fontsize=11)
     else:
         hide_colour_bar(axes[0])  # the second chart has the same
         ends = np.array([(*ax.get_xlim(), *ax.get_ylim()) for ax in axes[:2]])
@@ -65,6 +66,8 @@ def lift_charts(charts: Mapping[str, LiftChart]) -> Figure:
         (left, _, low, _), (_, right, _, high) = ends.min(axis=0), ends.max(axis=0)
         for ax in axes:  # to one scale
             ax.set(xlim=(left, right), ylim=(low, high))
+    for ax in axes:  # tall and narrow charts would be columns amid white paper
+        ax.set_aspect("auto")
     return fig
 
 
@@ -85,5 +88,5 @@ def _points(
         for k, line in enumerate(lines):
             ax.annotate(line, (x, z), (0, -6.5 - 7 * k), textcoords="offset points", **style)
     ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
-    ax.margins(0.12)
+    ax.margins(0.16, 0.12)
     ax.grid(alpha=0.3)

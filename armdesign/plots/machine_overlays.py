@@ -49,7 +49,12 @@ def machine_overlay(
     pose = middle_pose(old) if q is None else q
     before, after = side_view(old, pose), side_view(new, pose)
     limits = extent([before, after])
-    ax = new_axes(limits)[0]
+    bars = [
+        f"{one.name} {one.length / mm:.1f} → {other.length / mm:.1f} mm"
+        for one, other in changed_bars(before, after)
+    ]
+    said = [*bars, *faults(new, after)]
+    ax = new_axes(limits, 3 + len(said))[0]
     draw_machine(ax, new, after)
     _ghost(ax, before, _alike(before, after))
     frame(ax, limits, after)
@@ -62,14 +67,10 @@ def machine_overlay(
         arrow |= {"mutation_scale": 7}
         ax.annotate("", end, move.before[0], arrowprops=arrow, zorder=9)
     place_labels(ax, [_move_label(move, colours) for move in moves])
-    bars = [
-        f"{one.name} {one.length / mm:.1f} → {other.length / mm:.1f} mm"
-        for one, other in changed_bars(before, after)
-    ]
     long = "" if times == 1 else f", drawn {times} times as long"
     words = f"solid: {labels[1]}, dashed: {labels[0]}"
     words += f"; arrows: moved pins{long}" if moves else "; no pin moved"
-    head(ax, new, [words, pose_words(new, after), *bars, *faults(new, after)])
+    head(ax, new, [words, pose_words(new, after), *said])
     sizes_legend(ax, [old, new])
     return ax
 

@@ -42,6 +42,7 @@ BODY: Style = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
 ROD: Style = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
 EARTH, FAINT = "#8b7355", "#9ca3af"
 LABEL_ROOM = 0.34  # of the drawn width, on either side of the machine
+LINE = 0.15  # [in] of a line of words
 BESIDE = 0.22  # of the width: the range of the tool
 
 
@@ -59,16 +60,16 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
         ax: axes to draw into; new ones if None.
     """
     view = side_view(machine, middle_pose(machine) if q is None else q)
-    limits = extent([view])
+    limits, wrong = extent([view]), faults(machine, view)
     if ax is None:
-        ax, beside = new_axes(limits, beside=True)
+        ax, beside = new_axes(limits, 2 + len(wrong), beside=True)
         _tool_range(beside, machine, view)
     draw_machine(ax, machine, view)
     _arcs(ax, view)
     frame(ax, limits, view)
     labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
     place_labels(ax, labels)
-    head(ax, machine, [pose_words(machine, view), *faults(machine, view)])
+    head(ax, machine, [pose_words(machine, view), *wrong])
     sizes_legend(ax, [machine])
     return ax
 
@@ -150,11 +151,15 @@ def extent(views: Sequence[SideView]) -> Array:
     return np.array([low - margin, high + margin])
 
 
-def new_axes(limits: Array, beside: bool = False) -> list[Any]:
-    """New axes as high as the drawing needs beside its labels; with others beside them."""
+def new_axes(limits: Array, lines: int, beside: bool = False) -> list[Any]:
+    """New axes as high as the drawing needs beside its labels; with others beside them.
+
+    ``lines`` of words stand above the drawing.
+    """
     wide, high = limits[1] - limits[0]
     width = WIDTH * (1 - BESIDE if beside else 1) - 0.6
-    height = float(np.clip(width * high / (wide * (1 + 2 * LABEL_ROOM)), 2.4, 8.0)) + 1.5
+    height = float(np.clip(width * high / (wide * (1 + 2 * LABEL_ROOM)), 2.4, 8.0))
+    height += 1.0 + LINE * lines
     if not beside:
         return list(figure(1, WIDTH, height)[1])
     fig, _ = figure(1, WIDTH, height)

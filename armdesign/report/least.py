@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, litre
 
 if TYPE_CHECKING:
     from armdesign.design.design import Design
@@ -17,8 +18,9 @@ def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
     """The answer of ``least``: the amount today and new, and the frequency that it allows."""
     before, after = (_amount(machine, design, of) for machine in (design.today, design.machine))
     unit = {"oil": "m³", "flow": "m³/s", "mass": "kg"}[of]
-    one = units.number(before, unit, 1 if unit == "m³" and units is WORKSHOP else None)
-    other = units.number(after, unit, 1 if unit == "m³" and units is WORKSHOP else None)
+    digits = max(2 - math.floor(math.log10(before / litre)), 0)  # three that count
+    decimals = digits if unit == "m³" and units is WORKSHOP else None
+    one, other = (units.number(amount, unit, decimals) for amount in (before, after))
     change = f"{100 * (after / before - 1):+.1f} %"
     frequencies = (m.worst.frequency for m in (design.before, design.after))
     today, new = (f"{frequency:.3f}" for frequency in frequencies)

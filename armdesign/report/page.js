@@ -70,7 +70,18 @@
       for (const grid of one.center) grid.grid_line_color = style.getPropertyValue("--line").trim();
     }
   };
+  const load = async () => {  // the library, which is compressed, then the figures
+    const bytes = Uint8Array.from(atob($("library").textContent), (c) => c.charCodeAt(0));
+    const unpacked = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    for (const code of [await new Response(unpacked).text(), $("figures").textContent]) {
+      const script = document.createElement("script");
+      script.textContent = code;
+      document.body.append(script);
+    }
+  };
+  if (awaited && root.classList.contains("runs")) load();
   const whenDrawn = (fill) => {
+    if (!root.classList.contains("runs")) return;
     if (figures().length < awaited) {
       setTimeout(() => whenDrawn(fill), 30);
       return;
@@ -111,7 +122,7 @@
   const narrowest = (one, pose) => scene.joints[Math.round(one.loops[pose].at(-1))][0];
   const limiting = (one, pose, mode = 0) => one.parts[one.poses[pose][1 + mode]];
   const frequency = (one, pose, mode = 0) => one.positions[pose][scene.joints.length + mode];
-  const load = (one, pose) => scene.cases[one.poses[pose][0] - 1];
+  const loadCase = (one, pose) => scene.cases[one.poses[pose][0] - 1];
   const poseWords = (one, pose) => scene.joints
     .map(([name, unit], j) => `${name} ${one.positions[pose][j].toFixed(unit === "m" ? 3 : 1)}${unit === "m" ? " m" : unit}`)
     .join(", ");
@@ -238,7 +249,7 @@
     outline(svg, one, placed(one, state.pose, state.phase), { name: "swung", width: 1.3 * width, dashes: 3 * width });
     label(svg, moves, 13 * width, right + room);
     const loops = one.loops ? `bandwidth ${one.loops[state.pose][0].toFixed(3)} Hz, narrowest loop ${narrowest(one, state.pose)}; natural frequency ` : "";
-    $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${load(one, state.pose)}: ${loops}`
+    $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${loadCase(one, state.pose)}: ${loops}`
       + `${frequency(one, state.pose, state.mode).toFixed(3)} Hz, limited by ${limiting(one, state.pose, state.mode)}; dashed red: ${modeWords(state.mode)}, `
       + `${(1e3 * one.swing).toFixed(0)} mm at the tool${machines.length > 1 && state.machine ? `; dashed blue: ${machines[0].label}` : ""}`;
   };
@@ -304,7 +315,7 @@
       const hertz = frequency(one, pose), loops = one.loops && one.loops[pose];
       data.words.push(`${(loops ? loops[0] : hertz).toFixed(3)} Hz, the worst of the cell`);
       data.pose.push(poseWords(one, pose));
-      data.load.push(load(one, pose));
+      data.load.push(loadCase(one, pose));
       data.part.push(loops ? narrowest(one, pose) : limiting(one, pose));
       data.frequency.push(`${hertz.toFixed(3)} Hz, limited by ${limiting(one, pose)}`);
       data.others.push(loops ? `common gains ${loops[1].toFixed(3)}, no pressure feedback ${loops[2].toFixed(3)} Hz` : "");

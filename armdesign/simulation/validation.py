@@ -72,6 +72,13 @@ class Validation:
     sweeps: tuple[FittedMode | Failure, ...]
 
     @property
+    def headline(self) -> str:
+        """How many sweeps could be fitted, and how far the farthest is from its linear answer."""
+        most = max((abs(run.deviation) for run in self.runs), default=math.nan)
+        fitted = f"{len(self.runs)} of {len(self.sweeps)} sweeps fitted"
+        return f"over {', '.join(self.joints)}: {fitted}, largest deviation {100 * most:.2g} %"
+
+    @property
     def runs(self) -> tuple[FittedMode, ...]:
         """Sweeps with a result."""
         return tuple(one for one in self.sweeps if isinstance(one, FittedMode))

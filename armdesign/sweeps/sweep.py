@@ -17,6 +17,7 @@ from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
+from armdesign.progress import rounds
 from armdesign.short_repr import short_repr
 from armdesign.sweeps.cases import Case, Changes, of_any, of_sobol
 from armdesign.sweeps.numbers import Numbers
@@ -187,11 +188,13 @@ class _CaseRunner:
         }
         kept = sum(case.key in known for case in cases)
         missing = {case.key: case for case in cases if case.key not in known}
-        for case, outcome in self._outcomes(list(missing.values())):
-            if journal and outcome.final:
-                journal.keep(case.key, case.name, outcome)
-            known[case.key] = outcome
-            self.say(f"{len(known)} of {len(cases)} cases")
+        with rounds("case", len(missing)) as finished:
+            for done, (case, outcome) in enumerate(self._outcomes(list(missing.values())), 1):
+                if journal and outcome.final:
+                    journal.keep(case.key, case.name, outcome)
+                known[case.key] = outcome
+                self.say(f"{len(known)} of {len(cases)} cases")
+                finished(done)
         outcomes = tuple(known[case.key] for case in cases)
         retried = tuple(self.retried)
         return Sweep(cases=tuple(cases), outcomes=outcomes, kept=kept, retried=retried)

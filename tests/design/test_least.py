@@ -275,6 +275,10 @@ def test_out_of_reach() -> None:
     )
     with pytest.raises(InfeasibleError, match=words):
         ad.least(double(), workspace_of("double"), frequency=50, vary=("areas",))
+    words = r"allow [\d.]+ Hz within the bands \(--nominal or bands=ad.Bands\(\): at the file's"
+    space, soft = workspace_of("double"), ad.Bands(structure=(0.0, 1.0))
+    with pytest.raises(InfeasibleError, match=words):
+        ad.least(double(), space, frequency=50, vary=("areas",), bands=soft)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from armdesign import lift_chart, plots
+from armdesign.plots.lift_charts import LIMITED
 from tests import machines
 
 
@@ -26,6 +27,14 @@ def test_curves_of_moment_arms_take_any_machines(tmp_path: Path) -> None:
         [pressure * area * arm / 1000 for area in (boom.bore_area, boom.annulus_area)]
     )
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
+
+
+def test_todays_curves_are_drawn_above_the_same_ones() -> None:
+    one = machines.named("patu_boom")
+    for ax in plots.moment_arm_curves({"today": one, "new": one}).axes:
+        heights = [line.get_zorder() for line in ax.lines]
+        assert heights == sorted(heights, reverse=True)
+        assert heights[0] > heights[-1]
 
 
 def test_curves_of_a_cylinder_across_two_joints() -> None:
@@ -49,6 +58,12 @@ def test_curves_of_a_motor() -> None:
     wanted = machine.supply.pressure * machine.motors[0].bore_area / 1000
     for line in torques.lines:
         assert line.get_ydata() == pytest.approx(np.full(len(line.get_ydata()), wanted))
+
+
+def test_a_lift_chart_says_whose_it_is() -> None:
+    """Its label stands above what limits the capacities."""
+    fig = plots.lift_charts({"the crane": lift_chart(machines.named("patu_boom"))})
+    assert fig.axes[0].get_title() == f"the crane\n{LIMITED}"
 
 
 def test_lift_charts_of_two_machines_have_one_scale() -> None:

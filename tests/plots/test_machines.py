@@ -204,3 +204,26 @@ def test_check_ends_with_a_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     assert main(["check", "paper_1dof", "--out", "drawn"], monkeypatch) == 0
     assert (tmp_path / "drawn" / "machine.png").stat().st_size > 5_000
+
+
+def test_titles_and_legends_are_on_the_paper() -> None:
+    """Also with many faults to tell, and with bars that changed."""
+    today = load("excavator_20t")
+    mirrored = today.replace(
+        {
+            "cylinder.boom.rod_end.at_mm": [2233.7, 0, -950.5],
+            "cylinder.stick.base.at_mm": [3416.5, 0, -1147.5],
+            "cylinder.bucket.base.at_mm": [393.5, 0, -669.1],
+        }
+    )
+    pictures = [
+        plots.machine_drawing(mirrored),
+        plots.machine_drawing(load("paper_1dof")),
+        plots.machine_overlay(today, load("excavator_12t")),
+    ]
+    for ax in pictures:
+        ax.figure.canvas.draw()
+        legend = ax.get_legend().get_window_extent()
+        high, inch = ax.figure.bbox.height, ax.figure.dpi
+        assert 0 <= legend.y0 <= 0.6 * inch, "nor is there much white below"
+        assert ax._left_title.get_window_extent().y1 <= high

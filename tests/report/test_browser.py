@@ -223,3 +223,19 @@ def test_print_cuts_nothing(paper: str, width: float, browser: Any, written: Pat
     for cell in set(map(compact, cells)):
         assert cell in text, cell
     assert not wrong
+
+
+def test_a_browser_that_cannot_unpack_shows_the_pictures_of_paper(
+    browser: Any, written: Path
+) -> None:
+    tab, wrong = browser.new_page(), list[str]()
+    tab.on("pageerror", lambda error: wrong.append(str(error)))
+    tab.add_init_script("delete window.DecompressionStream")
+    tab.goto(written.as_uri())
+    tab.wait_for_timeout(300)
+    assert tab.is_visible(".paper img")
+    assert not tab.is_visible(".maps")
+    assert not tab.is_visible("#drawing")
+    tab.click("table.sortable th")
+    assert tab.query_selector("table.sortable th[aria-sort]")
+    assert not wrong

@@ -1,4 +1,4 @@
-"""Sheets of designs say what buildability costs."""
+"""Sheets and sentences of designs: what buildability costs, the least amount, bandwidths."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 import armdesign as ad
 from armdesign.report.design_report import bandwidth_rows, bandwidth_section
 from armdesign.report.designs import design_sheets
+from armdesign.report.least import least_sentence
 from armdesign.units import WORKSHOP
 from tests.design.designs import MACHINES, workspace_of
 
@@ -55,3 +56,16 @@ def test_bandwidths_are_the_worst_and_median_of_some_poses(points: int, poses: i
         frame = ad.bandwidth_map(one.machine, workspace.subset(rows)).frame
         words = table[f"{label}: + pressure feedback, own gains"]
         assert words == (f"{frame['own_hz'].min():.3g}", f"{frame['own_hz'].median():.3g}")
+
+
+def test_the_least_oil_of_a_small_machine_has_three_digits() -> None:
+    machine = ad.load("paper_1dof")
+    space = ad.Workspace.grid(machine, points=3)
+    design = ad.least(machine, space, frequency=7.2, vary=["areas"], starts=1)
+    (today, new) = (
+        1000 * sum(c.bore_area * c.stroke for c in one.cylinders)
+        for one in (design.today, design.machine)
+    )
+    assert least_sentence(design, "oil").startswith(
+        f"Oil of all cap sides: {today:.3f} → {new:.3f} l ("
+    )
