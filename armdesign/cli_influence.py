@@ -30,8 +30,7 @@ def sensitivity(
     from armdesign.influence.sensitivity import bandwidth_sheet
     from armdesign.influence.sensitivity import sensitivity as of_every_number
 
-    if damping is not None and not bandwidth:
-        raise ArmDesignError("--damping", "goes with --bandwidth", "give both, or neither")
+    _refuse_damping_alone(damping, bandwidth)
     with run.progress("looking for the worst pose and its rivals"):
         model, workspace, out = run.open_workspace()
         answer = of_every_number(model, workspace)
@@ -48,22 +47,29 @@ def sensitivity(
 
 @command
 def what_if(
-    run: OverWorkspace, changes: ChangesArgument, bandwidth: BandwidthOption = False
+    run: OverWorkspace,
+    changes: ChangesArgument,
+    bandwidth: BandwidthOption = False,
+    damping: DampingOption = None,
 ) -> None:
     """Say what changes with other numbers in the file.
 
     Prints worst poses, percentiles, lift, digging forces, speeds, pressures and buckling before
     and after, with the linear estimate beside the exact answer. Writes what_if.csv and a picture.
     """
+    from functools import partial
+
     from armdesign import plots
     from armdesign.influence.bandwidth import bandwidths
     from armdesign.influence.changes import read_changes
     from armdesign.influence.what_if import what_if as with_changes
 
+    _refuse_damping_alone(damping, bandwidth)
     with run.progress("mapping the machine with other numbers"):
         stated, counts = read_changes(changes), grid_points(run.points)
         model, out = run.open()
-        answer = with_changes(model, stated, counts, more=bandwidths if bandwidth else None)
+        more = partial(bandwidths, damping=damping) if bandwidth else None
+        answer = with_changes(model, stated, counts, more=more)
     with run.writing(out) as folder:
         write_csv(answer.frame, folder / "what_if.csv")
         plots.save(answer.plot().figure, folder / "what_if.png")
@@ -95,3 +101,8 @@ def tolerances(
         write_csv(answer.frame, folder / "machines.csv")
         plots.save(answer.plot().figure, folder / "tolerances.png")
     run.show(answer.sheets(run.units.units), tables={"tolerances": table})
+
+
+def _refuse_damping_alone(damping: float | None, bandwidth: bool) -> None:
+    if damping is not None and not bandwidth:
+        raise ArmDesignError("--damping", "goes with --bandwidth", "give both, or neither")

@@ -209,7 +209,7 @@ ChangesArgument = Annotated[
     list[str], typer.Argument(help="Changes as KEY=VALUE: cylinder.boom.bore_mm=125 …")
 ]
 BandwidthOption = Annotated[
-    bool, typer.Option("--bandwidth", help="Bandwidths at the lowest pose, too: half a minute.")
+    bool, typer.Option("--bandwidth", help="Bandwidths at the lowest pose, too.")
 ]
 CountOption = Annotated[int, typer.Option("--count", help="Number of machines.")]
 SeedOption = Annotated[int, typer.Option("--seed", help="Of the chance; equal ones repeat it.")]

@@ -192,6 +192,19 @@ def close_loops(
 
 
 @compiled
+def crossing(omega: Array, f: int, last: float, size: float, level: float) -> float:
+    """Frequency at which a response falls to a level [rad/s], of frequencies omega (f,).
+
+    Its size is below the level at the frequency f for the first time, ``last`` at the one before.
+    Below all frequencies, which begin far below the modes, it is a lag of first order.
+    """
+    if f == 0:
+        return float(omega[0] * size / math.sqrt(1 - size**2) * math.sqrt(level**-2 - 1))
+    share = math.log(last / level) / math.log(last / size)
+    return float(omega[f - 1] * (omega[f] / omega[f - 1]) ** share)
+
+
+@compiled
 def _write_holds(
     loops: LoopArguments, limit: float, rows: Array, worst: Array, keeps: Flags
 ) -> None:
@@ -229,14 +242,12 @@ def _write_figures(loops: LoopArguments, omega: Array, figures: LoopFigures) -> 
             figures.peak[pose] = balanced_norm(S, figures.peak[pose])
             for i in range(nq):
                 track = closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
-                before = omega[pose, max(f - 1, 0)], omega[pose, f]
                 for size, sizes, widths in (
                     (abs(1 - S[i, i]), last, figures.bandwidth[pose]),
                     (abs(track), last_command, figures.command_bandwidth[pose]),
                 ):
                     if widths[i] == 0.0 and size < HALF:
-                        share = math.log(sizes[i] / HALF) / math.log(sizes[i] / size)
-                        widths[i] = before[0] * (before[1] / before[0]) ** share
+                        widths[i] = crossing(omega[pose], f, sizes[i], size, HALF)
                     sizes[i] = size
                 both = abs(S[i, i] - 0.5)
                 figures.loop_margins[pose, i] = min(figures.loop_margins[pose, i], 1 / both)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.loops import HALF, LoopArguments, close_loops
+from armdesign.control.loops import HALF, LoopArguments, close_loops, crossing
 from armdesign.control.margins import exceeds
 from armdesign.simulation.plant.compiled import compiled
 
@@ -184,11 +184,11 @@ def _score_if_better(search: _Search, pose: int, x: Array, best: float) -> float
             return -np.inf
         if score == np.inf:
             for i in range(len(search.S)):
-                size, before = abs(0.5 - search.S[i, i]), search.omega[pose, max(f - 1, 0)]
+                size = abs(0.5 - search.S[i, i])
                 for level in range(len(LEVELS)):
                     if crossings[level, i] == 0.0 and size < LEVELS[level]:
-                        share = math.log(last[i] / LEVELS[level]) / math.log(last[i] / size)
-                        crossings[level, i] = before * (search.omega[pose, f] / before) ** share
+                        omega, at = search.omega[pose], LEVELS[level]
+                        crossings[level, i] = crossing(omega, f, last[i], size, at)
                 last[i] = size
             if f == count - 1 or crossings.min() > 0.0:  # the rest is but for the margin
                 logs = np.log(np.where(crossings > 0, crossings, search.omega[pose, -1]))

@@ -32,8 +32,9 @@ LOSS_FACTORS = (
 LARGEST, SMALLEST = 1.5, 1e-4  # κ, and of that
 BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ
 CLOSE, WIDER = 1.03, 1.03  # factors within which gains are found, and by which others are better
-# Shares of gains, of which a finer grid allows one.
-RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2)
+# Shares of gains, of which a finer grid allows one; the last ones where the resonance of a mode
+# that is hardly damped lay between the frequencies of the grid.
+RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 HALVINGS = 12  # of gains between which and 0 a grid has missed a band of instability
 MOST_CRITICAL, BISECTIONS = 8.0, 6
 CREEP = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours: no loop's doing

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.bandwidth_map import bandwidth_map
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.pose_bandwidth import pose_bandwidth
 from armdesign.frequency.maps import FrequencyMap
@@ -18,20 +17,22 @@ from armdesign.machine.machine import Machine
 SCHEMES = ("proportional", "damped")
 
 
-def bandwidths(frequencies: FrequencyMap) -> dict[str, tuple[float, str]]:
+def bandwidths(
+    frequencies: FrequencyMap, damping: float | None = None
+) -> dict[str, tuple[float, str]]:
     """Bandwidth [Hz] of each scheme at the lowest pose of a map's grid, by name.
 
+    ``damping`` is a ratio of all modes in place of the file's damping.
+
     Raises:
-        SimulationError: an actuator has no valve.
-        PoseError: no controller works there.
+        ArmDesignError: as ``pose_bandwidth``.
     """
-    frame, workspace = frequencies.frame, frequencies.workspace
+    frame = frequencies.frame
     lowest = frame.iloc[int(frame["f1_hz"].to_numpy().argmin())]
     q = lowest[list(frequencies.machine.joints)].to_numpy(dtype=float)
-    nearest = int(np.abs(workspace.q - q).sum(axis=1).argmin())
-    loops = bandwidth_map(frequencies.machine, workspace.subset(np.array([nearest])))
-    own = loops.frame[loops.frame["payload"] == lowest["payload"]].iloc[0]
-    return {f"bandwidth.{scheme}": (float(own[f"{scheme}_hz"]), "Hz") for scheme in SCHEMES}
+    widths = at_pose(frequencies.machine, q, str(lowest["payload"]), damping)
+    pairs = zip(SCHEMES, widths.tolist(), strict=True)
+    return {f"bandwidth.{scheme}": (width, "Hz") for scheme, width in pairs}
 
 
 def at_pose(machine: Machine, q: Array, payload: str, damping: float | None = None) -> Array:

@@ -143,18 +143,22 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
             f" {float(phase_margin(margin)) / deg:.0f} deg; damping: {source}{delay}; error of a"
             " move at constant speed is that speed times the seconds, at the worst pose; with"
             f" feed-forward: bandwidth of commands, the valve's gain known within"
-            f" {100 * GAIN_ERROR:.0f} %, the rest of the loop as without{_valve_note(first)}"
+            f" {100 * GAIN_ERROR:.0f} %, the rest of the loop as without{_note(maps)}"
         ),
     )
 
 
-def _valve_note(bandwidths: BandwidthMap) -> str:
+def _note(maps: Mapping[str, BandwidthMap]) -> str:
     """That own gains are lower bounds, and valves that are slower than what they are to damp."""
-    slow = bandwidths.slow_valves
-    if not slow:
+    words = [
+        f"{label + ' ' if len(maps) > 1 else ''}{name} ({100 * share:.3g} % of the poses)"
+        for label, bandwidths in maps.items()
+        for name, share in bandwidths.slow_valves.items()
+    ]
+    if not words:
         return SEARCHED
-    words = ", ".join(f"{name} ({100 * share:.2g} % of the poses)" for name, share in slow.items())
-    return f"{SEARCHED}; valves slower than the lowest mode, which they cannot damp well: {words}"
+    said = "; valves slower than the lowest mode, which they cannot damp well: "
+    return SEARCHED + said + ", ".join(words)
 
 
 def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:

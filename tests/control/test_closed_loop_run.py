@@ -12,13 +12,9 @@ from armdesign.arrays import Array
 from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import Loops
 from armdesign.control.tuning import Aim, Task, critical_factor, damped
+from armdesign.machine.loading import shipped
 from tests.control.closed_loop_run import closed_loop_run
 from tests.control.machines import single_pose
-
-MACHINES = (
-    *("excavator_20t", "excavator_12t", "mini_excavator_2t"),
-    *("loader_crane", "patu_boom", "paper_1dof"),
-)
 
 
 def loaded(name: str) -> ad.Machine:
@@ -40,7 +36,7 @@ def pose_of(machine: ad.Machine) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", shipped())
 def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
     """Within 10 % at the chosen gains, own and common; growth at 1.3 × the critical gain."""
     machine = loaded(name)

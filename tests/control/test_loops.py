@@ -69,6 +69,18 @@ def test_one_mass_is_the_textbook_loop() -> None:
     )
 
 
+@pytest.mark.parametrize("gain", [3e-3, 1e-3, 1e-5])
+def test_bandwidth_far_below_the_modes(gain: float) -> None:
+    """K of a slow loop, as python-control has it: below all frequencies of the grid, too."""
+    plant, controller = one_mass(5.0, 0.02), controller_of(gain)
+    loops = Loops.of(plant)
+    assert (gain < loops.omega.min()) == (gain < 0.02)
+    A, B, C = closed_loop(plant, controller)
+    theirs = control.ss(A[0], B[0], C, 0).bandwidth(dbdrop=-20 * math.log10(math.sqrt(2)))
+    assert theirs == pytest.approx(gain, rel=1e-3)
+    assert loops.figures(controller).bandwidth[0, 0] == pytest.approx(theirs, rel=1e-3)
+
+
 @pytest.mark.parametrize("filter", ["high-pass", "band-pass"])
 @pytest.mark.parametrize("delay", [0.0, 0.02])
 def test_state_space_is_the_frequency_response(filter: Filter, delay: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,18 @@ def test_bandwidth_stands_beside_the_others() -> None:
     assert 0.05 < damped["before"] < 0.3
     assert damped["change"] > 0.005
     assert damped["linear_change"] == pytest.approx(damped["change"], rel=0.2)
+
+
+def test_bandwidth_rests_on_the_damping_that_is_stated() -> None:
+    """Half the damping, half the proportional bandwidth; without any there is none."""
+    machine, widths = ad.load("paper_1dof"), []
+    changes = {"cylinder.lift.bore_mm": 64.0}
+    for ratio in (0.02, 0.01):
+        answer = ad.what_if(machine, changes, 3, more=partial(bandwidths, damping=ratio))
+        widths.append(row(answer, "bandwidth.proportional")["before"])
+    assert widths[1] == pytest.approx(widths[0] / 2, rel=0.05)
+    with pytest.raises(ad.ArmDesignError, match="no bandwidth can rest on that"):
+        ad.what_if(machine, changes, 3, more=bandwidths)
 
 
 @pytest.mark.slow
@@ -179,6 +192,11 @@ def test_the_commands_write_their_tables(
     words = ["what-if", "paper_1dof", "cylinder.lift.bore_mm=70", "--points", "9", "--out"]
     assert main([*words, str(tmp_path / "a")], monkeypatch) == 0
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"what_if.csv", "what_if.png"}
+    with_damping = [*words, str(tmp_path / "c"), "--damping", "0.02"]
+    assert main(with_damping, monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "--damping: goes with --bandwidth")
+    assert main([*with_damping, "--bandwidth"], monkeypatch) == 0
+    assert "bandwidth.damped" in capsys.readouterr().out
     machine = machines.named("paper_1dof")
     file = tmp_path / "paper_1dof.toml"
     file.write_text(f"{machine.text}\n[tolerances]\npin_mm = 1\n", encoding="utf-8")
