@@ -108,7 +108,8 @@ def of_places(yardstick: Yardstick) -> Iterator[Finding]:
     for path, value in yardstick.values.items():
         table, _, key = path.rpartition(".")
         if key in ("at_mm", "points_mm"):
-            size = yardstick.size(yardstick.values.get(f"{table}.link") or path.split(".")[2])
+            named = path.split(".")[2:3] or [yardstick.machine.tool.link]  # of outlines
+            size = yardstick.size(yardstick.values.get(f"{table}.link") or named[0])
             points = value if key == "points_mm" else [value]
             far = max(math.hypot(*point) for point in points) * mm
             if 0 < far <= NEAR * size and far >= CLOSE * NEAR * size:

@@ -24,7 +24,7 @@ from armdesign.design.search.rounding import (
     or_today,
     rounded_machine,
 )
-from armdesign.design.search.sequential_sdp import MISSED, Search
+from armdesign.design.search.sequential_sdp import MISSED, NEARLY, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.modes import hertz
 from armdesign.machine.machine import Machine
@@ -39,10 +39,15 @@ ChosenSizes: TypeAlias = tuple[tuple[float, float] | None, ...]
 
 
 class Tried:
-    """Searches that were run to their end with sizes of a catalogue, one for each combination."""
+    """Searches that were run to their end with sizes of a catalogue, one for each combination.
+
+    Attributes:
+        unmoved: what today's pins exceed with none of the sizes [Hz].
+    """
 
     def __init__(self) -> None:
         self._best: dict[ChosenSizes, Search] = {}
+        self.unmoved = -math.inf
 
     def to_end(self, search: Search, trust: float) -> Search:
         """A search run to its end; remembered if it is the best with its sizes."""
@@ -101,17 +106,19 @@ def sizes_and_pins(
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
     best = restore_feasibility(best)
-    unmoved = _of_todays_pins(problem, sizes)
     if best.violation <= MISSED:
         tried = Tried()
         with_sizes(best, sizes, start, tried)
         if tried.allowed:
             sized, machine = _best_drawn(tried.allowed)
-            machine = best_allowed([machine, unmoved and unmoved[1]])
+            if machine is None or machine.judged < tried.unmoved:
+                unmoved = _of_todays_pins(problem, sizes)
+                machine = best_allowed([machine, unmoved and unmoved[1]])
             own = tuple((cylinder.bore, cylinder.rod) for cylinder in problem.machine.cylinders)
             if _in_catalogue(problem, own, sizes):
                 machine = or_today(machine, problem)
             return sized, outcomes, machine
+    unmoved = _of_todays_pins(problem, sizes)
     if unmoved and unmoved[0].violation <= MISSED:
         return unmoved[0], outcomes, unmoved[1]
     nearest = _missing_least(best, sizes)
@@ -172,6 +179,7 @@ def with_sizes(
         searches.append(tried.to_end(_search_with(problem, *start), trust=0.1))
     try:
         best_sizes = _best_sizes(problem, problem.vector.start, sizes)
+        tried.unmoved = best_sizes.bound
         of_today = _search_with(problem, problem.vector.start, best_sizes.sizes)
         searches.append(tried.to_end(of_today, trust=0.1))
     except InfeasibleError:  # today's pins want others; those found above may do
@@ -226,7 +234,7 @@ def _largest_first(search: Search) -> list[int]:
 def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
     """The best of the sizes near a cylinder's, each tried while the rest follows."""
     tried = [_roughly(_with_size(search, i, size)) for size in _near_sizes(search, i, sizes)]
-    return max(tried, key=lambda one: one.rank)
+    return max(tried, key=lambda one: (one.violation <= NEARLY, one.merit))
 
 
 def _near_sizes(search: Search, i: int, sizes: Sizes) -> Sizes:

@@ -18,7 +18,6 @@ from armdesign.units import litre, mm
 GRID = 0.1  # [mm] of closed lengths, and of bores and rods where no catalogue has them
 DIGITS = 6  # of shares
 UNMOVED = 1e-12  # [m] of a coordinate
-EXACT = 1e-2  # of a step, from which on a length lies on the grid
 
 
 def neighbours(value: float) -> list[float]:
@@ -31,28 +30,6 @@ def diameters(problem: Problem, x: Array, i: int) -> list[float]:
     """Bore and rod of a cylinder at x [mm]."""
     (a1, a2), count = problem.vector.areas(x)[i], problem.machine.cylinders[i].count
     return [2 * math.sqrt(max(area, 0.0) / count / math.pi) / mm for area in (a1, a1 - a2)]
-
-
-def grid_lengths(problem: Problem, x: Array, i: int) -> list[tuple[float, float]]:
-    """Closed lengths and strokes of the drawing grid around the values of a cylinder at x [m].
-
-    Each stroke has closed lengths around the shortest that reaches the far end of the range, none
-    of which is too short for today's dead length.
-    """
-    closed, stroke = (lengths[i] for lengths in problem.vector.strokes(x))
-    grid, step = problem.grid.lengths * mm, problem.grid.strokes * mm
-    dead_length, pairs = problem.machine.cylinders[i].dead_length, []
-    for own in _around(stroke, step):
-        least = math.ceil((dead_length + own) / grid - EXACT) * grid
-        near = _around(closed + stroke - own, grid)
-        pairs += [(length, own) for length in sorted({max(one, least) for one in near})]
-    return pairs
-
-
-def _around(value: float, step: float) -> list[float]:
-    """Multiples of a step below and above a value, or the one that it is."""
-    share = value / step
-    return [k * step for k in sorted({math.floor(share + EXACT), math.ceil(share - EXACT)})]
 
 
 def grid_values(problem: Problem, x: Array, entry: int) -> list[float]:

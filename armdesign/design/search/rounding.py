@@ -16,28 +16,15 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE, size_in_mm
-from armdesign.design.program.constraints import constraints_at
-from armdesign.design.program.design_vector import ChosenLengths
 from armdesign.design.program.moving_masses import weighed
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, meets, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.file_changes import (
-    changes_of,
-    diameters,
-    grid_lengths,
-    neighbours,
-    pin_changes,
-)
-from armdesign.design.search.infeasibility.elastic_programme import (
-    ElasticProgramme,
-    ElasticSolution,
-    Roles,
-)
-from armdesign.design.search.pin_grid import with_pins_on_grid
-from armdesign.design.search.sequential_sdp import MISSED, Search
-from armdesign.frequency.modes import hertz
+from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
+from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
+from armdesign.design.search.lattice import on_lattice
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import Cylinder, areas_of
 from armdesign.machine.machine import Machine
@@ -45,8 +32,6 @@ from armdesign.units import mm
 
 COMBINATIONS = 128  # rounded combinations of bores and rods that are tried
 ENUMERATED = 20_000  # combinations that are listed, of which the nearest are tried
-STROKES = 8  # combinations of strokes that pins are tuned for,
-LENGTHS = 3  # the best of which are drawn
 CHECKED = 5  # best combinations after a first check that are judged on the whole workspace
 LOWEST = 100  # rows on which they are compared
 RETUNED_SIZES = 3  # sizes whose pins are tuned in earnest,
@@ -95,12 +80,7 @@ def rounded_machine(search: Search) -> CheckedMachine | None:
     taken; if none passes, the limits are drawn in more. At last frequency is left aside, see
     ``inmost_machine``.
     """
-    near, best = searches_on_length_grid(search), None
-    for one in near[:LENGTHS]:
-        if best and hertz(one.squared) <= best.judged:
-            break
-        best = best_allowed([best, *_tuned(one)])
-    best = best or _near_sizes(near[0]) or inmost_machine(near[0])
+    best = best_allowed(_tuned(search)) or _near_sizes(search) or inmost_machine(search)
     return or_today(best, search.problem) if _hardly_gained(search) else best
 
 
@@ -121,93 +101,11 @@ def or_today(best: CheckedMachine | None, problem: Problem) -> CheckedMachine | 
     return best
 
 
-def searches_on_length_grid(search: Search) -> list[Search]:
-    """Searches with strokes and closed lengths on the drawing grid, best first.
-
-    The search as it is where that grid is fine. Pins follow each of the nearest lengths around its
-    own. Where all of these miss a requirement, all other strokes around its own are tried too,
-    each with the nearest closed lengths.
-    """
-    possible = _with_lengths_near(search)
-    if len(possible) == 1 and possible[0] is search:
-        return possible
-    refined = _refined(possible[:STROKES])
-    if refined[0].violation > MISSED:
-        refined = _refined([*refined, *_one_of_each_strokes(possible[STROKES:])])
-    return [search.of(one.problem, one.x).look() for one in refined[:LENGTHS]]
-
-
-def _with_lengths_near(search: Search) -> list[Search]:
-    """Searches with strokes and closed lengths on the drawing grid, the nearest first.
-
-    Those that miss no requirement which pins cannot help; the search as it is where that grid is
-    fine.
-    """
-    problem = search.problem
-    moving = [i for i in problem.vector.moving if problem.vector.range_poses[i] is not None]
-    if problem.grid == FINE or problem.vector.chosen_lengths or not moving:
-        return [search]
-    own = list(zip(*problem.vector.strokes(search.x), strict=True))
-    options = [
-        grid_lengths(problem, search.x, i) if i in moving else [None] for i in range(len(own))
-    ]
-
-    def distance(lengths: ChosenLengths) -> float:
-        pairs = zip(lengths, own, strict=True)
-        return sum(float(np.abs(np.subtract(near, at)).sum()) for near, at in pairs if near)
-
-    near = sorted(itertools.product(*options), key=distance)[:COMBINATIONS]
-    tried = [search.of(problem.with_lengths(lengths), search.x) for lengths in near]
-    return [one for one in tried if _may_follow(one)] or tried[:1]
-
-
-def _refined(searches: Iterable[Search]) -> list[Search]:
-    """Searches after pins have followed, best first."""
-    refined = [one.look().refine(TRUST, PROMISED) for one in searches]
-    return sorted(refined, key=lambda one: one.rank, reverse=True)
-
-
-def _one_of_each_strokes(searches: Iterable[Search]) -> list[Search]:
-    """The first of the searches with each combination of strokes."""
-    first: dict[tuple[float | None, ...], Search] = {}
-    for one in searches:
-        strokes = tuple(each and each[1] for each in one.problem.vector.chosen_lengths)
-        first.setdefault(strokes, one)
-    return list(first.values())[:STROKES]
-
-
-def _may_follow(search: Search) -> bool:
-    """Whether no requirement is missed that nothing free has an influence on."""
-    at = constraints_at(search.problem, search.x, search.holding)
-    low, high = search.bounds
-    fixed = (at.jacobian[:, high > low] == 0).all(axis=1)
-    return bool((at.values[fixed] >= -MISSED).all())
-
-
 def inmost_machine(search: Search) -> CheckedMachine | None:
     """A machine near a search as far inside all limits as can be, sizes on the grid.
 
-    None if it misses one even so. Lengths on the drawing grid are tried in turn, where any do.
+    None if it misses one even so.
     """
-    if _inmost(search) is None:
-        return None
-    possible = _with_lengths_near(search)
-    nearest = [*possible[:STROKES], *_one_of_each_strokes(possible[STROKES:])]
-    machines = (_on_sizes_grid(one, inmost) for one in nearest if (inmost := _inmost(one)))
-    return next((machine for machine in machines if machine.allowed), None)
-
-
-@dataclass(frozen=True, eq=False)
-class _Inmost:
-    """A design as far inside all limits as can be, and the programme that it solves."""
-
-    elastic: ElasticProgramme
-    roles: Roles
-    solution: ElasticSolution
-
-
-def _inmost(search: Search) -> _Inmost | None:
-    """The inmost design near a search, with its lengths; None where it misses a requirement."""
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
@@ -215,15 +113,13 @@ def _inmost(search: Search) -> _Inmost | None:
     solution = elastic.solve(roles)
     if ElasticProgramme(problem, solution.x, elastic.holding).violated(solution.x):
         return None
-    return _Inmost(elastic, roles, solution)
-
-
-def _on_sizes_grid(search: Search, inmost: _Inmost) -> CheckedMachine:
-    """The machine of an inmost design with sizes, and pins, on the grid."""
-    problem = search.problem
-    x = inmost.elastic.on_grid(inmost.solution, inmost.roles).x
-    sizes = _options(search)[1] if problem.sizes else _on_grid(problem, x)
-    return CheckedMachine.of(problem.machine.replace(changes_of(problem, x, sizes, x)), problem)
+    if problem.grid == FINE or not problem.vector.moving:
+        drawn = search.of(problem, elastic.on_grid(solution, roles).x)
+    else:
+        drawn = on_lattice(search.of(tightened, solution.x).look())
+    sizes = _options(search)[1] if problem.sizes else _on_grid(problem, drawn.x)
+    machine = CheckedMachine.of(_machine(drawn, sizes), problem)
+    return machine if machine.allowed else None
 
 
 def nearest_misses(search: Search) -> list[Check]:
@@ -268,17 +164,22 @@ def _tuned(search: Search) -> Iterator[CheckedMachine]:
         reserve: dict[str, float] = {}
         for _ in range(RETUNED):
             near = search.of(inside.with_reserve(reserve), x, within).refine(TRUST, PROMISED)
-            if near.violation > PROMISED:  # not with these sizes
+            x, drawn = near.x, on_lattice(near)
+            if drawn.violation > PROMISED:  # not with these sizes
                 break
-            x = near.x
-            drawn = with_pins_on_grid(near).x
-            machine = today.replace(changes_of(problem, drawn, sizes, drawn))
+            machine = _machine(drawn, sizes)
             slacks = {c.name: c.slack for c in check(machine, today, light, limits)}
             missed = {name: -1.1 * slack for name, slack in slacks.items() if slack < -TOLERANCE}
             if not missed:
                 yield CheckedMachine.of(machine, problem)
                 break
             reserve |= {name: 2 * reserve.get(name, 0.0) + more for name, more in missed.items()}
+
+
+def _machine(search: Search, sizes: Sequence[float]) -> Machine:
+    """The machine of a design, lengths rounded, with bores and rods in a row [mm]."""
+    changes = changes_of(search.problem, search.x, sizes, search.x)
+    return search.problem.machine.replace(changes)
 
 
 def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Array]]]:
@@ -317,6 +218,8 @@ def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Arr
 def _near_sizes(search: Search) -> CheckedMachine | None:
     """The best sizes around the optimum moved inside limits that are drawn in more and more."""
     problem = search.problem
+    if problem.grid != FINE and problem.vector.moving:
+        return None
     for tightening in TIGHTENINGS:
         inner = search.of(problem.tightened(tightening), search.x).run(TRUST, PROMISED)
         for changes in _candidates(inner):

@@ -1,0 +1,228 @@
+"""Designs on a coarse drawing grid: pins, bars, closed lengths and strokes in whole steps.
+
+Near a design stiffness and requirements are almost linear in these whole numbers k. Of
+
+    max t − penalty · Σ e   with   uᵀ(A_j + Σ k_v B_jv) u ≥ t,   c + C k + e ≥ 0,   e ≥ 0
+
+for poses j and directions u HiGHS finds the optimum. Directions are added until t is the lowest
+eigenvalue (Kelley's cutting planes). The programme is set up again where the answer lies, until it
+promises nothing better than is known; where an answer comes again, fewer steps are allowed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE
+from armdesign.design.program.constraints import constraints_at
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.file_changes import grid_of
+from armdesign.design.search.sequential_sdp import PENALTY, Search, Trial
+from armdesign.errors import InfeasibleError
+from armdesign.units import mm
+
+REACH = 10.0  # steps of the grid that a coordinate may move to either side,
+LENGTHENED, STROKE = 3.0, 0.2  # and for each of them a closed length and a stroke
+STRICT = 30.0  # times that a missed requirement is dearer than while pins are in real numbers
+ROUNDS = 10  # of setting up again where the answer lies, better or not;
+FAILED = 2  # after so many that are not, from the best with half as many steps
+PROMISED = 1e-6  # of the lowest ω², relative
+LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
+CUTS = 8  # of adding directions, until t is
+CLOSE = 1e-6  # that near to the lowest eigenvalue
+NODES, GAP = 2_000, 1e-6  # of branch and bound
+
+
+def on_lattice(search: Search) -> Search:
+    """The best design near a search with all lengths on the drawing grid, where that is coarse.
+
+    Coordinates that did not move stay.
+    """
+    if search.problem.grid == FINE or not search.problem.vector.moving:
+        return search
+    lattice = Lattice.of(search)
+    about, best, reach, failed = lattice.start, None, REACH, 0
+    for _ in range(ROUNDS):
+        numbers, promised = lattice.step(about, reach)
+        if best and about is best and promised < best.trial.merit + PROMISED:
+            break
+        about = lattice.at(numbers)
+        if best is None or about.trial.merit > best.trial.merit + PROMISED:
+            best, failed = about, 0
+            continue
+        failed += 1
+        if failed == FAILED:
+            about, reach, failed = best, reach / 2, 0
+    return search if best is None else best.search.taking(best.trial)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A design, in a problem with its lengths, as the watched rows see it."""
+
+    search: Search
+    trial: Trial
+
+    @classmethod
+    def of(cls, search: Search) -> Point:
+        """The design at which a search stands."""
+        return cls(search, search.trial(search.x))
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Whole numbers k around a search: its coordinates, then closed lengths and strokes.
+
+    Attributes:
+        start: the search, with the lengths that its pins want.
+        entries: entries of x that are coordinates on the grid.
+        cylinders: cylinders whose lengths follow their pins.
+        origin: values where k is zero, of x or [m].
+        unit: what a step of k adds to them.
+        ease: steps for each step of a coordinate.
+        low: least k.
+        high: largest k.
+    """
+
+    start: Point
+    entries: list[int]
+    cylinders: list[int]
+    origin: Array
+    unit: Array
+    ease: Array
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, search: Search) -> Lattice:
+        """The lattice of the drawing grid; today's place where none of it is within bounds."""
+        problem, vector = search.problem, search.problem.vector
+        entries, rows = [], []
+        for entry in map(int, np.flatnonzero(vector.is_coordinate)):
+            if (grid := grid_of(problem, search.x, entry)) is None:
+                continue
+            low, high = ((end[entry] - grid[0]) / grid[1] for end in search.bounds)
+            least, most = math.ceil(low - 1e-9), math.floor(high + 1e-9)
+            rows.append((*grid, 1.0, least, most) if least <= most else (0.0, 1.0, 1.0, 0, 0))
+            entries.append(entry)
+        cylinders = [i for i in vector.moving if vector.range_poses[i] is not None]
+        lengths = [
+            (0.0, problem.grid.lengths * mm, LENGTHENED, 1, math.inf),
+            (0.0, problem.grid.strokes * mm, STROKE, 1, math.inf),
+        ]
+        columns = np.array([*rows, *len(cylinders) * lengths], dtype=float).reshape(-1, 5).T
+        own = np.stack(vector.strokes(search.x), axis=1)
+        start = replace(search, strictness=STRICT)
+        start = start.of(_with_lengths(problem, cylinders, own[cylinders]), search.x)
+        return cls(Point.of(start), entries, cylinders, *columns)
+
+    def at(self, numbers: Array) -> Point:
+        """The design of numbers k."""
+        values, count = self.origin + self.unit * numbers, len(self.entries)
+        x = self.start.trial.x.copy()
+        x[self.entries] = values[:count]
+        problem = _with_lengths(self.start.search.problem, self.cylinders, values[count:])
+        return Point.of(self.start.search.of(problem, x))
+
+    def numbers(self, point: Point) -> Array:
+        """The numbers k of a design; not whole between points of the lattice."""
+        chosen = point.search.problem.vector.chosen_lengths
+        lengths = [length for i in self.cylinders for length in chosen[i] or ()]
+        return (np.array([*point.trial.x[self.entries], *lengths]) - self.origin) / self.unit
+
+    def step(self, about: Point, reach: float) -> tuple[Array, float]:
+        """The best numbers, all linear about a design, and the merit that they promise.
+
+        Raises:
+            InfeasibleError: branch and bound gave up.
+        """
+        at, far = self.numbers(about), reach * self.ease + 1e-6
+        low = np.maximum(self.low, np.minimum(np.ceil(at - far), np.floor(at + 1e-6)))
+        high = np.minimum(self.high, np.maximum(np.floor(at + far), np.ceil(at - 1e-6)))
+        base, slopes, values, jacobian = self._linear(about)
+        base = base - np.einsum("v,vnij->nij", at, slopes)
+        values = values - jacobian @ at
+        near = values + np.minimum(jacobian * low, jacobian * high).sum(axis=1) < 0
+        costs = np.zeros(len(at))
+        costs[len(self.entries) :: 2] = LONGER
+        return _solved(base, slopes, values[near], jacobian[near], (low, high), costs)
+
+    def _linear(self, about: Point) -> tuple[Array, Array, Array, Array]:
+        """Stiffness and limits at a design, each with its change by a step of every number."""
+        search, trial = about.search, about.trial
+        rows, squared = search.active(trial.squared), float(trial.squared.min())
+        dynamics, limits = search.problem.dynamics, trial.limits
+        base, of_x = dynamics.scaled_stiffness_and_gradient(trial.x, rows, squared)
+        unit, count = self.unit, len(self.entries)
+        slopes = [unit[v] * of_x[entry] for v, entry in enumerate(self.entries)]
+        jacobian = [unit[v] * limits.jacobian[:, entry] for v, entry in enumerate(self.entries)]
+        own = self.origin + unit * self.numbers(about)
+        for v in range(count, len(own)):
+            longer = own[count:].copy()
+            longer[v - count] += unit[v]
+            other = _with_lengths(search.problem, self.cylinders, longer)
+            stiffness = other.dynamics.scaled_stiffness(trial.x, rows, trial.x, squared)
+            slopes.append(stiffness - base)
+            jacobian.append(constraints_at(other, trial.x, search.holding).values - limits.values)
+        scale = search.reference
+        return base / scale, np.array(slopes) / scale, limits.values, np.array(jacobian).T
+
+
+def _with_lengths(problem: Problem, cylinders: list[int], lengths: Array) -> Problem:
+    """The problem with closed lengths and strokes [m] of some cylinders."""
+    chosen: list[tuple[float, float] | None] = [None] * len(problem.machine.cylinders)
+    for i, (closed, stroke) in zip(cylinders, lengths.reshape(-1, 2), strict=True):
+        chosen[i] = float(closed), float(stroke)
+    return problem.with_lengths(tuple(chosen))
+
+
+def _solved(
+    base: Array,
+    slopes: Array,
+    values: Array,
+    jacobian: Array,
+    ends: tuple[Array, Array],
+    costs: Array,
+) -> tuple[Array, float]:
+    """Whole numbers k within ends that are best, and the merit that they promise.
+
+    Of stiffness base + Σ k · slopes over the reference, and limits values + jacobian · k.
+
+    Raises:
+        InfeasibleError: branch and bound gave up.
+    """
+    from scipy.optimize import Bounds, LinearConstraint, milp
+
+    m, count = jacobian.shape
+    penalties = np.full(m, PENALTY * STRICT)
+    limits = LinearConstraint(np.hstack([jacobian, np.zeros((m, 1)), np.eye(m)]), -values, np.inf)
+    cuts, least = np.empty((0, count + 1 + m)), np.empty(0)
+    directions = np.linalg.eigh(base)[1].swapaxes(1, 2)  # (n, direction, nq)
+    for _ in range(CUTS):
+        constant = np.einsum("nki,nij,nkj->nk", directions, base, directions).ravel()
+        slope = np.einsum("nki,vnij,nkj->nkv", directions, slopes, directions).reshape(-1, count)
+        others = np.hstack([-np.ones((len(slope), 1)), np.zeros((len(slope), m))])
+        cuts = np.concatenate([cuts, np.hstack([slope, others])])
+        least = np.concatenate([least, -constant])
+        answer = milp(
+            np.concatenate([costs, [-1.0], penalties]),
+            integrality=np.concatenate([np.ones(count), np.zeros(1 + m)]),
+            bounds=Bounds(
+                np.concatenate([ends[0], [-np.inf], np.zeros(m)]),
+                np.concatenate([ends[1], np.full(1 + m, np.inf)]),
+            ),
+            constraints=[limits, LinearConstraint(cuts, least, np.inf)],
+            options={"node_limit": NODES, "mip_rel_gap": GAP},
+        )
+        if answer.x is None:
+            raise InfeasibleError("design step", answer.message, "loosen the requirements")
+        numbers, reached = np.round(answer.x[:count]), answer.x[count]
+        size, vectors = np.linalg.eigh(base + np.einsum("v,vnij->nij", numbers, slopes))
+        if size.min() > reached - CLOSE:
+            break
+        directions = vectors[:, :, :1].swapaxes(1, 2)
+    return numbers, float(reached - penalties @ answer.x[count + 1 :])
