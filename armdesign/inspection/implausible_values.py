@@ -108,8 +108,10 @@ def of_places(yardstick: Yardstick) -> Iterator[Finding]:
     for path, value in yardstick.values.items():
         table, _, key = path.rpartition(".")
         if key in ("at_mm", "points_mm"):
-            named = path.split(".")[2:3] or [yardstick.machine.tool.link]  # of outlines
-            size = yardstick.size(yardstick.values.get(f"{table}.link") or named[0])
+            link = (
+                yardstick.values.get(f"{table}.link") or table.rpartition(".")[2]
+            )  # an outline's
+            size = yardstick.size(link)
             points = value if key == "points_mm" else [value]
             far = max(math.hypot(*point) for point in points) * mm
             if 0 < far <= NEAR * size and far >= CLOSE * NEAR * size:

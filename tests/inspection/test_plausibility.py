@@ -162,6 +162,25 @@ def test_all_of_a_cylinder_in_metres() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("table", "path"),
+    [
+        ("[lift_chart]\nat_mm = [{}]", "lift_chart.at_mm"),
+        (
+            "[stability]\nmass_kg = 15000\nfront_mm = 1800\nrear_mm = 1800\nat_mm = [{}]",
+            "stability.at_mm",
+        ),
+    ],
+)
+def test_a_point_whose_table_names_no_link(table: str, path: str) -> None:
+    """Judged beside the largest link: plausible in millimetres, and in metres not."""
+    for point, odd in (("0.0, 0.0, 400.0", False), ("0.0, 0.0, 0.4", True)):
+        changed = f"{EXCAVATOR.text}\n{table.format(point)}\n"
+        machine = Machine.from_text(changed, EXCAVATOR.urdf_text, EXCAVATOR.source)
+        found = [finding for finding in findings(machine) if path in finding.part]
+        assert bool(found) == odd
+
+
 def scaled_urdf(urdf: str, factor: float) -> str:
     def times(match: re.Match[str]) -> str:
         return f'{match[1]}{" ".join(repr(factor * float(x)) for x in match[2].split())}"'
