@@ -287,7 +287,7 @@ def test_a_design_outlives_its_validation(
 ) -> None:
     """Its machine file is there, and the same command need not find it again."""
 
-    def interrupted(_: object) -> None:
+    def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
     def refused(*_: object) -> None:
