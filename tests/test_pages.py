@@ -15,7 +15,7 @@ import pytest
 import armdesign as ad
 from armdesign.machine.file.schema import MachineSection
 from docs import generated_pages
-from tests import validation_figures
+from tests import pictures, validation_figures
 from tests.pages import DOCS, PAGES, PROSE, ROOT, RUNS, is_slow, page
 
 LONG = ("docs/own_machine.md", "docs/report.md", "docs/howto/bands.md")
@@ -41,6 +41,7 @@ def long(path: Path) -> Any:
 def test_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run(path, slow=False)
+    assert not pictures.stale(path.stem, tmp_path), "python -m tests.pictures draws them again"
 
 
 @pytest.mark.slow
@@ -50,6 +51,7 @@ def test_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_all_blocks_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run(path, slow=True)
+    assert not pictures.stale(path.stem, tmp_path), "python -m tests.pictures draws them again"
 
 
 @pytest.mark.parametrize("path", PAGES, ids=named)

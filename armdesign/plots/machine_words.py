@@ -80,11 +80,14 @@ def ends(view: SideView) -> list[Label]:
         name: bool(np.hypot(*(places[0] - view.tool[0])) < 1e-3)
         for name, places in view.loads.items()
     }
-    head = ", ".join(["tool", *(f"load {name}" for name in there if there[name])])
+    head = ", ".join(["tool", *(f"payload {name}" for name in there if there[name])])
     tool = Label(at=view.tool[0], head=head, below=number(f"{x:.3f}, {z:.3f} m"), colour=MARK)
-    apart = (name for name in there if not there[name])
-    places = view.loads
-    return [tool, *(Label(at=places[n][0], head=f"load {n}", below="", colour=INK) for n in apart)]
+    apart = [
+        Label(at=places[0], head=f"payload {name}", below="", colour=INK)
+        for name, places in view.loads.items()
+        if not there[name]
+    ]
+    return [tool, *apart]
 
 
 def sizes_legend(ax: Axes, machines: Sequence[Machine]) -> None:

@@ -63,20 +63,17 @@ def design_report(
         lead=f"{summary(design)} In nonlinear simulation, {verdict(list(proofs.values()))}.",
         headline=headline(maps, design.bands, known, units),
         sections=(
-            ReportSection(
-                title="In three numbers",
-                sheets=(
-                    *filter(None, [bandwidth_sheet(design)]),
-                    gain_sheet(design, units),
-                    bands_of_design(design),
-                ),
-            ),
             ReportSection(title="The machine, today and new", shows="drawing"),
             ReportSection(
                 title="Maps before and after",
                 shows="maps",
                 pictures=of["map"],
-                sheets=(spread_sheet(maps),),
+                sheets=(
+                    *filter(None, [bandwidth_sheet(design)]),
+                    gain_sheet(design, units),
+                    bands_of_design(design),
+                    spread_sheet(maps),
+                ),
             ),
             _buyer(design, of["lift"], units),
             _changes(design, of["moment"], units),

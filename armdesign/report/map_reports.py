@@ -52,13 +52,12 @@ def map_report(
         ),
         headline=numbers,
         sections=(
-            ReportSection(title="In three numbers", sheets=(head, bands)),
             ReportSection(title="The machine in its worst pose", shows="drawing"),
             ReportSection(
                 title="Map of frequencies",
                 shows="maps",
                 pictures=of_map[:2],
-                sheets=(spread, *others),
+                sheets=(head, bands, spread, *others),
             ),
             ReportSection(title="Lift chart and moment arms", pictures=further, sheets=(lift,)),
             ReportSection(title="Assumptions", words=assumptions(machine, frequencies.workspace)),
@@ -74,7 +73,7 @@ def plain_report(title: str, lead: str, sections: Sequence[ReportSection]) -> Re
     return Report(title=title, lead=lead, sections=tuple(full))
 
 
-# ------------------------------------------------------------------------------- three numbers
+# ------------------------------------------------------------------------------- headline
 
 
 def headline(

@@ -48,7 +48,8 @@ def test_margins_of_own_gains_hold_at_fifty_poses() -> None:
     assert np.median(wider) > 1.3
 
 
-@pytest.mark.parametrize("loop", [pytest.param(k, marks=pytest.mark.slow) for k in (0, 1)] + [2])
+@pytest.mark.slow
+@pytest.mark.parametrize("loop", [0, 1, 2])
 def test_loops_of_own_gains_by_python_control(loop: int) -> None:
     """Each position loop at 50 poses, the others closed: disk margin, stability of the closed."""
     plant = many_plants()

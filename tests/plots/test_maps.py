@@ -36,7 +36,9 @@ def test_pictures_draw(name: str, plane: str, tmp_path: Path) -> None:
     assert plots.save(fig, tmp_path / "a.png").stat().st_size > 5_000
 
 
-@pytest.mark.parametrize("plane", ["joints", "reach", "holding"])
+@pytest.mark.parametrize(
+    "plane", ["joints", pytest.param("reach", marks=pytest.mark.slow), "holding"]
+)
 def test_steps_in_maps_are_explained(plane: str) -> None:
     """Where a load case ends, a map jumps: said where a machine has such cases, nowhere else."""
     words = "steps: where the pitch of bucket ends load case full"

@@ -61,7 +61,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     picture = Picture(caption="static map", file="map_joints.png")
     both["today"].plot().figure.savefig(folder / picture.file)
     sections = (
-        one.sections[0],
+        ReportSection(title="Numbers", sheets=one.sections[1].sheets),
         ReportSection(title="The machine", shows="drawing"),
         ReportSection(title="Maps", shows="maps", pictures=(picture,)),
         ReportSection(title="Tables", sheets=(LONG, lift_sheet(lift_charts(machines)))),

@@ -126,6 +126,7 @@ def test_a_design_moves_the_places_of_another_kind() -> None:
     assert constraints_at(problem, problem.vector.start).values.min() > -1e-9
 
 
+@pytest.mark.slow
 def test_another_kind_is_simulated() -> None:
     """Limiting case: accelerations are the same from any state, bars of the cylinder included."""
     plain = named("heavy_bars")
