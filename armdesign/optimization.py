@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from armdesign.control.least_bandwidth import (
     spread,
 )
 from armdesign.design.design import Design
-from armdesign.design.optimize import best_frequency
+from armdesign.design.optimize import SearchOptions, best_frequency
 from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
@@ -113,9 +112,10 @@ def optimize(
         >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
         7.45 to 7.77 Hz
     """
-    options: dict[str, Any] = {
-        "vary": vary, "seed": seed, "workers": workers, "catalogue": catalogue,
-    }  # fmt: skip
+    options = SearchOptions(
+        vary=vary, starts=starts, seed=seed, workers=workers, start=start, bands=bands,
+        objective=objective, catalogue=catalogue,
+    )  # fmt: skip
     if objective not in (names := [*OBJECTIVES, "bandwidth"]):
         fault = f"{objective!r} is not allowed"
         raise ArmDesignError("objective", fault, choose(str(objective), names))
@@ -123,12 +123,10 @@ def optimize(
         if damping is not None:
             fault = f'means nothing where "{objective}" is to rise'
             raise ArmDesignError("damping", fault, 'leave it out, or give objective="bandwidth"')
-        options |= {"starts": starts, "start": start, "bands": bands, "objective": objective}
-        return best_frequency(machine, workspace, requirements, **options)
+        return best_frequency(machine, workspace, requirements, options)
     if bands not in (None, Bands()):
         fault = '"bandwidth" counts with the values of the file alone'
         raise ArmDesignError("objective", fault, "leave bands out, or give another objective")
-    options |= {"starts": starts, "start": start}
     return best_bandwidth(machine, workspace, requirements, options, damping)
 
 
@@ -141,7 +139,7 @@ def best_bandwidth(
     machine: Machine,
     workspace: Workspace | None,
     requirements: Requirements | None,
-    options: dict[str, Any],
+    options: SearchOptions,
     damping: float | None = None,
 ) -> Design:
     """The design of the largest least bandwidth that was found, with the values of the file.
@@ -154,7 +152,7 @@ def best_bandwidth(
         machine: today's machine; every actuator needs a valve.
         workspace: as in ``optimize``.
         requirements: as in ``optimize``.
-        options: the other arguments of ``optimize``.
+        options: the other arguments of ``optimize``, of which bands and objective do not count.
         damping: as in ``bandwidth_map``.
 
     Raises:
@@ -165,18 +163,20 @@ def best_bandwidth(
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
     look = _Bandwidths.of(machine, workspace, damping)
     within = (machine, workspace, requirements)
-    design = best_frequency(*within, bands=Bands(), objective="worst", **options)
+    options = replace(options, bands=Bands())
+    design = best_frequency(*within, replace(options, objective="worst"))
     best, reached = design, [least_bandwidth(look.today, look.today), look.least(design.machine)]
     for _ in range(RENEWALS):
-        near = {**options, "start": design, "starts": 1}
-        design = best_frequency(*within, bands=Bands(), objective=look.emphasis(design), **near)
+        near = replace(options, start=design, starts=1, objective=look.emphasis(design))
+        design = best_frequency(*within, near)
         risen = look.least(design.machine)
         if risen <= (1 + RISEN) * max(reached):
             break
         best, reached = design, [*reached[:2], risen]
-    said = {name: options[name] for name in ("vary", "seed", "starts", "catalogue")}
-    said |= {"vary": tuple(options["vary"]), "objective": "bandwidth", "damping": damping}
-    command = call("optimize", **said)
+    command = call(
+        "optimize", vary=tuple(options.vary), seed=options.seed, starts=options.starts,
+        catalogue=options.catalogue, objective="bandwidth", damping=damping,
+    )  # fmt: skip
     return replace(
         best, machine=best.written_by(command), bandwidths=(reached[0], reached[1], reached[-1])
     )

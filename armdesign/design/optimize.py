@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array
@@ -24,43 +25,56 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SearchOptions:
+    """What is searched for, and how; attributes as the arguments of ``optimize``.
+
+    Instead of a name ``objective`` may say by how much frequencies count at poses and load cases.
+    """
+
+    vary: Sequence[str]
+    starts: int | None
+    seed: int
+    workers: int
+    bands: Bands | None
+    objective: str | Emphasis
+    catalogue: str | Iterable[Sequence[float]] | None
+    start: Design | None = None
+
+    @property
+    def command(self) -> str:
+        """The call of ``optimize`` that searches so."""
+        return call(
+            "optimize", vary=tuple(self.vary), starts=self.starts, seed=self.seed,
+            bands=self.bands, objective=_stated(self.objective), catalogue=self.catalogue,
+        )  # fmt: skip
+
+
 def best_frequency(
     machine: Machine,
     workspace: Workspace | None,
     requirements: Requirements | None,
-    vary: Sequence[str],
-    *,
-    starts: int | None,
-    seed: int,
-    workers: int,
-    start: Design | None,
-    bands: Bands | None,
-    objective: str | Emphasis,
-    catalogue: str | Iterable[Sequence[float]] | None,
+    options: SearchOptions,
 ) -> Design:
     """The design of the highest lowest frequency, as ``optimize`` has it.
-
-    Instead of a name ``objective`` may say by how much frequencies count at poses and load cases.
 
     Raises:
         ArmDesignError: as ``optimize``.
         InfeasibleError: as ``optimize``.
     """
+    start, command = options.start, options.command
     problem, sizes = formulate_with_sizes(
-        machine, workspace, requirements, vary,
-        bands=bands, objective=objective, catalogue=catalogue,
+        machine, workspace, requirements, options.vary,
+        bands=options.bands, objective=options.objective, catalogue=options.catalogue,
     )  # fmt: skip
     if start is not None and _names(start.today) != _names(machine):
         fault = f"is a design of {start.today.name}, not of {machine.name}"
         raise ArmDesignError("start", fault, "give one of it")
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
-    command = call(
-        "optimize", vary=tuple(vary), starts=starts, seed=seed, bands=bands,
-        objective=_stated(objective), catalogue=catalogue,
-    )  # fmt: skip
+    how = options.starts, options.seed, options.workers
 
     def under(problem: Problem) -> Design:
-        return design_of(problem, sizes, starts, seed, workers, command=command, given=given)
+        return design_of(problem, sizes, *how, command=command, given=given)
 
     identity = [command, repr(sizes), given and [given[0].tolist(), repr(given[1])]]
     return finished_design(

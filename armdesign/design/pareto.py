@@ -19,7 +19,7 @@ import numpy as np
 from armdesign.arguments import checked
 from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design
-from armdesign.design.optimize import best_frequency
+from armdesign.design.optimize import SearchOptions, best_frequency
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
@@ -171,13 +171,14 @@ def pareto(
     sizes_and_grid(machine, catalogue)  # refused before anything is searched
     limits = _limits(machine, workspace, requirements, against, values)
 
+    options = SearchOptions(
+        vary=vary, starts=starts, seed=seed, workers=workers, bands=bands,
+        objective=objective, catalogue=catalogue,
+    )  # fmt: skip
+
     def best(limit: float, tighter: Design | None) -> Design:
         limited = _limited(requirements, against, limit)
-        return best_frequency(
-            machine, workspace, limited, vary,
-            starts=starts, seed=seed, workers=workers, start=tighter, bands=bands,
-            objective=objective, catalogue=catalogue,
-        )  # fmt: skip
+        return best_frequency(machine, workspace, limited, replace(options, start=tighter))
 
     return _front(machine, against, limits, best)
 

@@ -124,7 +124,7 @@ def any_lift_and_torque(name: str) -> Requirements:
 def problem_of(name: str, vary: tuple[str, ...] = ("areas", "pins"), **settings: Any) -> Problem:
     """The problem of a named machine; settings go to Problem or Requirements."""
     machine = MACHINES[name]()
-    names = ("proportional", "tightening", "bands", "gain")
+    names = ("proportional", "bands", "gain")
     own = {key: settings.pop(key) for key in names if key in settings}
     requirements = replace(Requirements.of(machine), **settings)
     return Problem.of(

@@ -74,7 +74,6 @@ class Problem:
         bands: Bands | None = None,
         gain: bool = False,
         emphasis: Emphasis | None = None,
-        tightening: float = 0.0,
     ) -> Problem:
         """The problem in which what ``vary`` names of today's machine varies on its workspace."""
         vector = DesignVector.of(machine, workspace, requirements, vary)
@@ -87,8 +86,7 @@ class Problem:
             emphasis=emphasis,
         )
         dynamics = Dynamics(vector=vector, corners=corners)
-        margins = Margins(tightening=tightening)
-        return cls(dynamics=dynamics, requirements=requirements, margins=margins)
+        return cls(dynamics=dynamics, requirements=requirements)
 
     @property
     def vector(self) -> DesignVector:

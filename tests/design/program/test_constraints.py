@@ -23,7 +23,7 @@ from tests.design.requirements.shared import EVERYTHING, NEW, by_name
 @pytest.mark.parametrize("column", ["rod", "stepped"])
 def test_derivatives(column: str) -> None:
     """Every new limit by every variable against central differences of the value itself."""
-    problem = problem_of("excavator", **EVERYTHING | {"buckling_column": column}, tightening=1e-3)
+    problem = problem_of("excavator", **EVERYTHING | {"buckling_column": column}).tightened(1e-3)
     x, rows = some_x(problem, 4), np.arange(0, len(problem.dynamics.rows), 7)
     expected = slopes(lambda y: constraints_at(problem, y, rows).values, x)
     at = constraints_at(problem, x, rows)

@@ -94,7 +94,7 @@ def test_derivatives_of_limits(name: str, tightening: float) -> None:
     digging = {"odd": ("fold", "tilt"), "single": ("lift",), "excavator": ("stick", "bucket")}[
         name
     ]
-    problem = problem_of(name, tightening=tightening, digging=digging)
+    problem = problem_of(name, digging=digging).tightened(tightening)
     x = some_x(problem, 4)
     at = constraints_at(problem, x)
     holding = np.arange(0, len(problem.dynamics.rows), 7)
