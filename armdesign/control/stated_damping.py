@@ -18,7 +18,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import Modes
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import Poses
+from armdesign.machine.poses import Poses, pose_text
 
 LEAST = 1e-4  # ζ of the least damped mode that a bandwidth may rest on
 F = TypeVar("F", Cylinder, Motor)
@@ -80,7 +80,7 @@ def refuse_undamped(machine: Machine, ratios: Array, q: Array) -> None:
     if len(ratios) == 0 or ratios.min() >= LEAST:
         return
     pose, mode = np.unravel_index(ratios.argmin(), ratios.shape)
-    where = ", ".join(f"{n} {x:.4g}" for n, x in zip(machine.joints, q[pose], strict=True))
+    where = pose_text(machine, q[pose])
     ratio = max(float(ratios[pose, mode]), 0.0) + 0.0
     fault = (
         f"mode {mode + 1} has a damping ratio of {ratio:.2g} at {where},"
