@@ -12,11 +12,12 @@ from armdesign.runs import OfMachine, command
 def draw(
     run: OfMachine, new: NewArgument = "", pose: PoseOption = "", payload: PayloadOption = ""
 ) -> None:
-    """Draw a machine to scale from the side, or two over each other.
+    """Draw a machine to scale, or two over each other.
 
-    Writes machine.png with named pins, cylinders between them, joint ranges and the range of the
-    tool, and modes.png with the lowest modes; with NEW overlay.png, where arrows show the pins
-    that moved, in mm. A machine that cannot be used is drawn too, and its faults are listed.
+    Writes machine.png, the side view with named pins, cylinders between them, joint ranges and
+    the range of the tool, and modes.png with the lowest modes; with NEW overlay.png, where arrows
+    show the pins that moved, in mm. A machine that cannot be used is drawn too, and its faults are
+    listed.
     """
     from armdesign import plots
     from armdesign.machine.loading import find

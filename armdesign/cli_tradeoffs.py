@@ -19,9 +19,10 @@ def pareto(
     values: ValuesOption = "",
     vary: VaryOption = "areas,pins",
 ) -> None:
-    """Trade frequency against oil, thrust, digging, lift or pin room.
+    """Trade frequency against lift, oil or another limit.
 
-    Finds the best design for each value of one limit. Writes pareto.csv and pareto.png.
+    Finds the best design for each value of one limit: oil, thrust, digging, lift or pin room.
+    Writes pareto.csv and pareto.png.
     """
     from armdesign import plots
     from armdesign.design.pareto import pareto as trade_off

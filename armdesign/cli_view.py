@@ -34,11 +34,12 @@ def view(
     port: PortOption = None,
     no_open: NoOpenOption = False,
 ) -> None:
-    """Look at a machine in space, move it, and read its frequency, bandwidth and what limits it.
+    """Look at a machine in space, and move it.
 
-    Serves a page to this computer alone until Ctrl-C: sliders for joints and payload, modes as
-    motion, the region that the tool sweeps coloured by frequency, NEW over it. With --html writes
-    view.html instead, a film of it. Needs armdesign[view].
+    Serves a page to this computer alone until Ctrl-C: sliders for joints and payload, frequency,
+    bandwidth and what limits it, modes as motion, the region that the tool sweeps coloured by
+    frequency, NEW over it. With --html writes view.html instead, a film of it. Needs
+    armdesign[view].
     """
     from armdesign.frequency.workspace import Workspace
     from armdesign.viewing.stage import check_viser

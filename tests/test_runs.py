@@ -98,6 +98,7 @@ def test_version_and_short_help(
         short = capsys.readouterr().out
         assert main([*words[:-1], "--help"], monkeypatch) == 0
         assert capsys.readouterr().out == short != ""
+        assert "...\n" not in short.split("\n", 1)[1]  # no line of a list of commands is cut
 
 
 def test_machines_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
