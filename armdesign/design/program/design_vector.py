@@ -26,7 +26,7 @@ from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage.base import Linkage, Move
+from armdesign.mechanism.linkage.base import Drive, Linkage, Move
 
 PROGRAMME_POSES = 61  # over a joint range, where strokes and moment arms are constrained
 
@@ -173,6 +173,11 @@ class DesignVector:
                 linkages[v.cylinder] = linkages[v.cylinder].with_place(v.pin, at)
         return tuple(linkages)
 
+    def drives(self, x: Array) -> tuple[Drive, ...]:
+        """Linkages at x, then motors, which stay."""
+        linkages = self.linkages(x)
+        return (*linkages, *self.machine.drives[len(linkages) :])
+
     def closes(self, x: Array) -> bool:
         """Whether every four-bar closes over its joint's range."""
         pairs = zip(self.linkages(x), self.range_poses, strict=True)
@@ -180,9 +185,7 @@ class DesignVector:
 
     def geometry(self, x: Array, poses: RigidPoses) -> Geometry:
         """Every linkage at some poses."""
-        linkages = self.linkages(x)
-        drives = (*linkages, *self.machine.drives[len(linkages) :])
-        parts = [drive.actuation(poses) for drive in drives]
+        parts = [drive.actuation(poses) for drive in self.drives(x)]
         return Geometry(
             np.stack([p.length for p in parts], axis=1),
             np.stack([p.moment_arm for p in parts], axis=1),
