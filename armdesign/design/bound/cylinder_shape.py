@@ -247,6 +247,11 @@ class Enclosure:
     centre: Natural
     reach: Array
 
+    @property
+    def is_point(self) -> bool:
+        """Whether the boxes have no width, so that nothing is cut."""
+        return self.centre is self.wide
+
     @cached_property
     def place(self) -> Interval:
         """Piston's place σ = s/S (m, n)."""
@@ -273,7 +278,7 @@ class Enclosure:
         return self._cut("stroke")
 
     def _cut(self, name: str) -> Interval:
-        if self.centre is self.wide:  # of no width: nothing to cut
+        if self.is_point:
             points: Interval = getattr(self.wide, name)
             return points
         slope: Interval = getattr(self.wide, f"{name}_slope")

@@ -77,9 +77,9 @@ class Interval:
             return self.rounded(np.minimum(*ends), np.maximum(*ends))
         if self.is_point and other.is_point:
             return self._with(other).near(self.low * other.low)
-        if np.min(other.low, initial=0.0) >= 0:
+        if other.low.min(initial=0.0) >= 0:
             return other._times(self)
-        if np.min(self.low, initial=0.0) >= 0:
+        if self.low.min(initial=0.0) >= 0:
             return self._times(other)
         a, b = self.low * other.low, self.low * other.high
         c, d = self.high * other.low, self.high * other.high
@@ -90,7 +90,7 @@ class Interval:
 
     def _times(self, other: Interval) -> Interval:
         """The product where this one is nowhere negative: what is most of the work."""
-        if np.min(other.low, initial=0.0) >= 0:
+        if other.low.min(initial=0.0) >= 0:
             return self._with(other).rounded(self.low * other.low, self.high * other.high)
         return self._with(other).rounded(
             np.minimum(self.low * other.low, self.high * other.low),
