@@ -13,15 +13,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from numbers import Real
+from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 
 from armdesign.arrays import Array, Numbers
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import Valve, opening, spool_position
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records
+from armdesign.simulation.plant.compiled import (
+    Record,
+    Records,
+    callable_within,
+    compiled,
+    new_records,
+)
 from armdesign.simulation.plant.plant import Plant
 
 
@@ -132,7 +138,7 @@ class SweptSine:
         return swept_sine(self, time)
 
 
-@register_jitable
+@callable_within
 def swept_sine(sweep: SweptSine | Record, time: float) -> float:
     """Value of a swept sine at a time [s]; for compiled code, too."""
     share = time / sweep.duration
@@ -184,10 +190,8 @@ class SymmetricValve:
         return wide / np.where(wide > 0, self.extend, self.retract)
 
 
-@register_jitable
-def symmetric_spool(
-    factors: SymmetricValve | Record, valve: Valve | Record, opening: float
-) -> float:
+@callable_within
+def symmetric_spool(factors: SymmetricValve | Record, valve: Any, opening: float) -> float:
     """Spool position −1…1 of a symmetric valve for a mean opening; for compiled code, too."""
     scale = factors.extend if opening > 0 else factors.retract
     return spool_position(valve, opening * scale)

@@ -193,6 +193,22 @@ class DesignVector:
         )
 
     @cached_property
+    def own_joints(self) -> Array | None:
+        """The joint of each actuator where each coordinate has one actuator alone; else None."""
+        joints = [drive.joints for drive in self.machine.drives]
+        alone = sorted(joints) == [(j,) for j in range(len(self.machine.arm.coordinates))]
+        return np.array(joints)[:, 0] if alone else None
+
+    def own_geometry(self, x: Array, poses: RigidPoses) -> Geometry:
+        """Lengths, arms and their derivatives (n, nc) of actuators, each by its ``own_joints``."""
+        parts = [(drive.joints[0], drive.actuation(poses)) for drive in self.drives(x)]
+        return Geometry(
+            np.stack([p.length for _, p in parts], axis=1),
+            np.stack([p.moment_arm[:, j] for j, p in parts], axis=1),
+            np.stack([p.moment_arm_derivative[:, j, j] for j, p in parts], axis=1),
+        )
+
+    @cached_property
     def range_poses(self) -> list[RigidPoses | None]:
         """For every cylinder that moves one joint alone, poses over its range, ends included."""
         arm, ranges = self.machine.arm, self.machine.ranges
