@@ -43,6 +43,42 @@ SMALLER = 0.99  # areas, to tell what depends on them
 BINDING = 2e-3  # a requirement with less slack than this binds
 
 
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a search came to: where it ended, and a machine near there that can be written.
+
+    Attributes:
+        search: at its end, where all requirements are met.
+        starts: what each of its starts came to.
+        best_sizes: as in ``Design``.
+        rounded: the machine.
+    """
+
+    search: Search
+    starts: Starts
+    best_sizes: SizeSelection | None
+    rounded: CheckedMachine
+
+    @classmethod
+    def of(
+        cls,
+        search: Search,
+        starts: Starts,
+        best_sizes: SizeSelection | None = None,
+        rounded: CheckedMachine | None = None,
+    ) -> Outcome:
+        """The outcome of a search; ``rounded`` is its machine where that is known.
+
+        Raises:
+            InfeasibleError: it misses a requirement, or nothing near it does that can be written.
+        """
+        search = require_feasible(search)
+        rounded = rounded or rounded_machine(search)
+        if rounded is None:
+            raise not_written(search)
+        return cls(search, starts, best_sizes, rounded)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
     """A new machine, why it is allowed, and what it gains.
@@ -92,26 +128,9 @@ class Design:
     bandwidths: tuple[float, float, float] | None = None
 
     @classmethod
-    def of(
-        cls,
-        search: Search,
-        starts: Starts,
-        best_sizes: SizeSelection | None = None,
-        rounded: CheckedMachine | None = None,
-        *,
-        command: str,
-    ) -> Design:
-        """The rounded design of a search, with the outcome of its starts.
-
-        Its file says that ``command`` made it. ``rounded`` is its machine where that is known.
-
-        Raises:
-            InfeasibleError: it misses a requirement, or nothing near it does that can be written.
-        """
-        search = require_feasible(search)
-        rounded = rounded or rounded_machine(search)
-        if rounded is None:
-            raise not_written(search)
+    def of(cls, outcome: Outcome, *, command: str) -> Design:
+        """The design of a search, whose file says that ``command`` made it."""
+        search, best_sizes, rounded = outcome.search, outcome.best_sizes, outcome.rounded
         problem, priced = search.problem, {} if best_sizes else prices(search)
         machine = with_todays_structure(rounded.machine, problem.machine)
         return cls(
@@ -122,8 +141,8 @@ class Design:
             prices={name: price.gain for name, price in priced.items()},
             at_margin={name: price.at_margin for name, price in priced.items()},
             unrounded=hertz(search.squared),
-            starts=starts.reached,
-            failed_starts=starts.failed,
+            starts=outcome.starts.reached,
+            failed_starts=outcome.starts.failed,
             workspace=problem.workspace,
             problem=problem,
             x=search.x,

@@ -28,7 +28,7 @@ from armdesign.design.catalogue.alternation import (
 )
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes
-from armdesign.design.design import Design
+from armdesign.design.design import Design, Outcome
 from armdesign.design.kept_designs import finished_design
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
@@ -126,7 +126,8 @@ def least(
     def search_for_design() -> Design:
         if sizes is not None and not problem.vector.moving:
             search, best_sizes = least_amount.with_given_pins(sizes)
-            return Design.of(search, Starts((best_sizes.frequency,)), best_sizes, command=command)
+            outcome = Outcome.of(search, Starts((best_sizes.frequency,)), best_sizes)
+            return Design.of(outcome, command=command)
         search, outcomes = least_amount.under_today(starts, seed, workers)
         search = least_amount.search(search)
         if sizes is not None:
@@ -225,7 +226,8 @@ class LeastAmount:
                 if machine is None:  # no room to round in
                     continue
                 if machine.judged >= self.frequency:
-                    return Design.of(near, outcomes, rounded=machine, command=command)
+                    outcome = Outcome.of(near, outcomes, rounded=machine)
+                    return Design.of(outcome, command=command)
                 worst = max(worst, machine.judged)
         fault = f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz"
         raise InfeasibleError(self.problem.machine.name, fault, "ask for less")

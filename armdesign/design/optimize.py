@@ -9,7 +9,7 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
-from armdesign.design.design import Design
+from armdesign.design.design import Design, Outcome
 from armdesign.design.kept_designs import finished_design
 from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import ChosenSizes, Problem
@@ -73,26 +73,26 @@ def best_frequency(
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
     how = options.starts, options.seed, options.workers
 
-    def under(problem: Problem) -> Design:
-        return design_of(problem, sizes, *how, command=command, given=given)
+    def under(problem: Problem) -> Outcome:
+        return outcome_of(problem, sizes, *how, given)
+
+    def design() -> Design:
+        found = design_or_proof(problem, under, sizes is not None)
+        return Design.of(found, command=command)
 
     identity = [command, repr(sizes), given and [given[0].tolist(), repr(given[1])]]
-    return finished_design(
-        Design, problem, identity, lambda: design_or_proof(problem, under, sizes is not None)
-    )
+    return finished_design(Design, problem, identity, design)
 
 
-def design_of(
+def outcome_of(
     problem: Problem,
     sizes: Sizes | None,
     starts: int | None,
     seed: int = 0,
     workers: int = 1,
-    *,
-    command: str,
     given: tuple[Array, ChosenSizes] | None = None,
-) -> Design:
-    """The best design of a problem; arguments as in ``optimize``.
+) -> Outcome:
+    """The best design of a problem, not yet priced; arguments as in ``optimize``.
 
     ``given`` is a design to start from, and the sizes that it has of a catalogue.
 
@@ -100,12 +100,11 @@ def design_of(
         InfeasibleError: none was found that meets the requirements.
     """
     if sizes is None:
-        outcome = multistart(problem, starts, seed, workers, given and given[0])
-        return Design.of(*outcome, command=command)
+        return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
     if not problem.vector.moving:
-        return _of_catalogue(problem, sizes, command)
+        return _of_catalogue(problem, sizes)
     search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
-    return Design.of(search, reached, rounded=rounded, command=command)
+    return Outcome.of(search, reached, rounded=rounded)
 
 
 @checked
@@ -157,16 +156,17 @@ def size_cylinders(
         objective=_stated(objective), catalogue=catalogue,
     )  # fmt: skip
 
-    def under(problem: Problem) -> Design:
+    def under(problem: Problem) -> Outcome:
         if sizes is not None:
-            return _of_catalogue(problem, sizes, command)
+            return _of_catalogue(problem, sizes)
         search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
-        return Design.of(search, Starts((hertz(search.squared),)), command=command)
+        return Outcome.of(search, Starts((hertz(search.squared),)))
 
-    identity = [command, repr(sizes)]
-    return finished_design(
-        Design, problem, identity, lambda: design_or_proof(problem, under, sizes is not None)
-    )
+    def design() -> Design:
+        found = design_or_proof(problem, under, sizes is not None)
+        return Design.of(found, command=command)
+
+    return finished_design(Design, problem, [command, repr(sizes)], design)
 
 
 def _stated(objective: str | Emphasis) -> str | None:
@@ -180,6 +180,6 @@ def _names(machine: Machine) -> tuple[str, ...]:
     return (*machine.joints, *(actuator.name for actuator in machine.actuators))
 
 
-def _of_catalogue(problem: Problem, sizes: Sizes, command: str) -> Design:
+def _of_catalogue(problem: Problem, sizes: Sizes) -> Outcome:
     search, best_sizes = sizes_for_pins(problem, sizes)
-    return Design.of(search, Starts((best_sizes.frequency,)), best_sizes, command=command)
+    return Outcome.of(search, Starts((best_sizes.frequency,)), best_sizes)

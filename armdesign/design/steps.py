@@ -20,7 +20,7 @@ from armdesign.arguments import checked
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.kept_designs import form
-from armdesign.design.optimize import design_of
+from armdesign.design.optimize import outcome_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.provenance import call
@@ -307,6 +307,7 @@ def _design(
 ) -> tuple[int, Design | InfeasibleError]:
     """The design of a search, or why there is none, with the number of the search."""
     try:
-        return k, design_of(problem, sizes, 1, command=command, given=(np.asarray(x), ()))
+        outcome = outcome_of(problem, sizes, 1, given=(np.asarray(x), ()))
+        return k, Design.of(outcome, command=command)
     except InfeasibleError as error:
         return k, error

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags, ReadOnly, side_by_side
 from armdesign.errors import PoseError, TopplingError
+from armdesign.mechanism.joint_ranges import DEAD_CENTRE
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.short_repr import short_repr
@@ -150,14 +151,13 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joint
     ``areas`` (…, nc). Axes in front are broadcast. Complex-safe.
     """
     moment_arms, gravity_torque = moment_arms[..., :joints], gravity_torque[..., :joints]
-    singular, own = is_singular(np.real(moment_arms)), own_joints(moment_arms)
+    own = own_joints(moment_arms)
     gravity = np.broadcast_to(gravity_torque, (*moment_arms.shape[:-2], moment_arms.shape[-1]))
     if own is not None:
-        arm = moment_arms[..., np.arange(len(own)), own]
-        held = gravity[..., own] / np.where(arm == 0, 1.0, arm)
-        return np.asarray(np.where(singular[..., None], np.inf, held))
+        return own_forces(moment_arms[..., np.arange(len(own)), own], gravity[..., own])
     dtype = np.result_type(moment_arms, gravity, areas, float)
     forces = np.full(moment_arms.shape[:-1], np.inf, dtype=dtype)
+    singular = is_singular(np.real(moment_arms))
     arms, loads = moment_arms[~singular], gravity[~singular, :, None]
     turned = np.swapaxes(arms, 1, 2)
     if arms.shape[1] == arms.shape[2]:
@@ -170,6 +170,20 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joint
     return forces
 
 
+def own_forces(moment_arms: Array, gravity: Array) -> Array:
+    """``static_forces`` where each cylinder has its own joint: arms and gravity there (…, nc)."""
+    held = gravity / np.where(moment_arms == 0, 1.0, moment_arms)
+    return np.asarray(np.where(_next_to_dead_centre(moment_arms)[..., None], np.inf, held))
+
+
+def _next_to_dead_centre(moment_arms: Array) -> Flags:
+    """``is_singular`` (…,) of cylinders on joints of their own: their arms are singular values."""
+    known = np.real(moment_arms)
+    return np.asarray(
+        ~np.isfinite(known).all(axis=-1) | ~(np.abs(known).min(axis=-1) >= DEAD_CENTRE)
+    )
+
+
 def is_singular(moment_arms: Array) -> Flags:
     """Whether a motion is free (…,): R (…, nc, nq) without full column rank, or not finite.
 
@@ -179,13 +193,12 @@ def is_singular(moment_arms: Array) -> Flags:
     nc, nq = moment_arms.shape[-2:]
     if nc < nq:
         return np.ones(moment_arms.shape[:-2], dtype=bool)
-    finite, own = np.all(np.isfinite(moment_arms), axis=(-2, -1)), own_joints(moment_arms)
-    if own is not None:  # the arms are the singular values
-        smallest = np.abs(moment_arms[..., np.arange(len(own)), own]).min(axis=-1)
-    else:
-        known = np.where(finite[..., None, None], moment_arms, 0.0)
-        smallest = np.linalg.svd(known, compute_uv=False)[..., -1]
-    return np.asarray(~finite | ~(smallest >= 1e-6))
+    if (own := own_joints(moment_arms)) is not None:
+        return _next_to_dead_centre(moment_arms[..., np.arange(len(own)), own])
+    finite = np.all(np.isfinite(moment_arms), axis=(-2, -1))
+    known = np.where(finite[..., None, None], moment_arms, 0.0)
+    smallest = np.linalg.svd(known, compute_uv=False)[..., -1]
+    return np.asarray(~finite | ~(smallest >= DEAD_CENTRE))
 
 
 def own_joints(moment_arms: Array) -> Array | None:

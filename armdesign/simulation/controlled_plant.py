@@ -14,9 +14,9 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, choose
 from armdesign.hydraulics.valve import opening, spool_position
-from armdesign.simulation.excitation import SymmetricValve
+from armdesign.simulation.excitation import SymmetricValve, sweeps_of, write_sweeps
 from armdesign.simulation.integrator import Breaks
-from armdesign.simulation.plant.compiled import Records, compiled
+from armdesign.simulation.plant.compiled import Records, compiled, resolved
 from armdesign.simulation.plant.plant import Plant
 
 Command: TypeAlias = Callable[[float], Sequence[float]]
@@ -41,6 +41,7 @@ class ControlledPlant:
     plant: Plant  # of all cases
     start: Array  # states at t = 0 (n, size)
     demands: tuple[Command, ...]  # spool commands by time
+    sweeps: Records | None  # the same as records (n,), where each is one swept sine
     breaks: tuple[Breaks, ...]  # when these jump
     corners: Array  # ω_c (n, 1) [rad/s], 0: no loop
     gains: Array  # K (n, nc) [1/m]
@@ -75,6 +76,7 @@ class ControlledPlant:
             plant=Plant(*(plant.machine for plant in plants)) if len(plants) > 1 else plants[0],
             start=np.concatenate([starts, own], axis=1),
             demands=tuple(demands),
+            sweeps=sweeps_of(commands, [plant.machine for plant in plants]),
             breaks=tuple(breaks),
             corners=corners,
             gains=np.array(gains),
@@ -90,6 +92,7 @@ class ControlledPlant:
             plant=plant,
             start=self.start[rows],
             demands=tuple(self.demands[row] for row in rows),
+            sweeps=None if self.sweeps is None else self.sweeps[rows],
             breaks=tuple(self.breaks[row] for row in rows),
             corners=self.corners[rows],
             gains=self.gains[rows],
@@ -110,13 +113,20 @@ class ControlledPlant:
 
     def commands_at(self, time: Array, states: Array) -> Array:
         """Spool commands (m, nc) of one case at its instants (m,) [s] and states there."""
-        demand = [self.demands[0](t) for t in time.tolist()]
-        return self.commands(np.array(demand, dtype=float), states)
+        return self.commands(self._demands(time, self.demands * len(time)), states)
+
+    def _demands(self, time: Array, demands: Sequence[Command]) -> Array:
+        """Spool commands (n, nc) at times (n,) [s], one of each function."""
+        if self.sweeps is None:
+            pairs = zip(demands, time.tolist(), strict=True)
+            return np.array([demand(t) for demand, t in pairs], dtype=float)
+        time, spools = np.array(time, dtype=float), np.zeros((len(time), self.plant.nc))
+        resolved(write_sweeps, time, self.sweeps, spools)(time, self.sweeps, spools)
+        return spools
 
     def rates(self, time: Array, state: Array) -> Array:
         """Rates of the plants' states, of the loop's two low-passes and of the energies."""
-        demands = [demand(t) for demand, t in zip(self.demands, time.tolist(), strict=True)]
-        command = self.commands(np.array(demands, dtype=float), state)
+        command = self.commands(self._demands(time, self.demands), state)
         evaluation = self.plant.evaluate(state, command)
         rates, outputs, powers, _ = evaluation
         _follow(state, self.gains, self.places, self.corners, outputs, powers, rates)

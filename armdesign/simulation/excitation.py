@@ -9,16 +9,25 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from numbers import Real
+from typing import Any
 
 import numpy as np
 
 from armdesign.arrays import Array, Numbers
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import Valve, opening, spool_position
+from armdesign.machine.machine import Machine
+from armdesign.simulation.plant.compiled import (
+    Record,
+    Records,
+    callable_within,
+    compiled,
+    new_records,
+)
 from armdesign.simulation.plant.plant import Plant
 
 
@@ -126,13 +135,19 @@ class SweptSine:
 
     def __call__(self, time: float) -> float:
         """Value at a time [s]."""
-        share = time / self.duration
-        if not 0 < share < 1:
-            return 0.0
-        edge = min(share, 1 - share) / self.fade
-        envelope = 0.5 - 0.5 * math.cos(math.pi * edge) if edge < 1 else 1.0
-        phase = 2 * math.pi * time * (self.start + (self.stop - self.start) * share / 2)
-        return self.amplitude * envelope * math.sin(phase)
+        return swept_sine(self, time)
+
+
+@callable_within
+def swept_sine(sweep: SweptSine | Record, time: float) -> float:
+    """Value of a swept sine at a time [s]; for compiled code, too."""
+    share = time / sweep.duration
+    if not 0 < share < 1:
+        return 0.0
+    edge = min(share, 1 - share) / sweep.fade
+    envelope = 0.5 - 0.5 * math.cos(math.pi * edge) if edge < 1 else 1.0
+    phase = 2 * math.pi * time * (sweep.start + (sweep.stop - sweep.start) * share / 2)
+    return sweep.amplitude * envelope * math.sin(phase)
 
 
 @dataclass(frozen=True)
@@ -167,13 +182,19 @@ class SymmetricValve:
 
     def spool(self, opening: float) -> float:
         """Spool position −1…1 for a mean opening −1…1."""
-        scale = self.extend if opening > 0 else self.retract
-        return float(spool_position(self.valve, opening * scale))
+        return float(symmetric_spool(self, self.valve, opening))
 
     def opening(self, spool: Numbers) -> Numbers:
         """Mean opening −1…1 at spool positions: inverse of ``spool``."""
         wide = opening(self.valve, spool)
         return wide / np.where(wide > 0, self.extend, self.retract)
+
+
+@callable_within
+def symmetric_spool(factors: SymmetricValve | Record, valve: Any, opening: float) -> float:
+    """Spool position −1…1 of a symmetric valve for a mean opening; for compiled code, too."""
+    scale = factors.extend if opening > 0 else factors.retract
+    return spool_position(valve, opening * scale)
 
 
 @dataclass(frozen=True)
@@ -192,3 +213,39 @@ class SymmetricCommand:
     def __call__(self, time: float) -> float:
         """Value at a time [s]."""
         return self.valve.spool(self.mean + self.excitation(time))
+
+
+SWEEP = np.dtype(  # a ``SymmetricCommand`` of a swept sine to actuator ``index``
+    [
+        ("index", "i8"),
+        *((field.name, "f8") for field in fields(SweptSine)),
+        *((name, "f8") for name in ("mean", "extend", "retract", "overlap")),
+    ],
+    align=True,
+)
+
+
+def sweeps_of(commands: Sequence[object], machines: Sequence[Machine]) -> Records | None:
+    """Records ``SWEEP`` (n,) of commands to machines; None if one is no single swept sine."""
+    records = new_records(len(commands), SWEEP)
+    for record, command, machine in zip(records, commands, machines, strict=True):
+        if not isinstance(command, Mapping) or len(command) != 1:
+            return None
+        ((name, part),) = command.items()
+        if not isinstance(part, SymmetricCommand) or not isinstance(part.excitation, SweptSine):
+            return None
+        index = [actuator.name for actuator in machine.actuators].index(name)
+        numbers = {"index": index, "mean": part.mean, **vars(part.excitation)}
+        numbers |= {"extend": part.valve.extend, "retract": part.valve.retract}
+        for field, value in {**numbers, "overlap": part.valve.valve.overlap}.items():
+            record[field] = value
+    return records
+
+
+@compiled
+def write_sweeps(time: Array, sweeps: Records, spools: Array) -> None:
+    """Write the spool commands (n, nc) of ``SymmetricCommand`` at times (n,) [s]."""
+    for case in range(len(time)):
+        sweep = sweeps[case if len(sweeps) > 1 else 0]
+        opening = sweep.mean + swept_sine(sweep, time[case])
+        spools[case, sweep.index] = symmetric_spool(sweep, sweep, opening)

@@ -16,7 +16,13 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import SimulationError
 from armdesign.simulation.controlled_plant import breaks_of
-from armdesign.simulation.excitation import SweptSine, SymmetricCommand
+from armdesign.simulation.excitation import (
+    SweptSine,
+    SymmetricCommand,
+    SymmetricValve,
+    sweeps_of,
+    write_sweeps,
+)
 from armdesign.simulation.integrator import Breaks, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
@@ -298,3 +304,29 @@ def test_what_is_no_swept_sine(wrong: dict[str, Any], message: str) -> None:
     right = {"amplitude": 0.1, "start": 1.0, "stop": 5.0, "duration": 10.0}
     with pytest.raises(SimulationError, match=message):
         SweptSine(**(right | wrong))
+
+
+def test_compiled_sweeps_are_the_same_to_the_last_bit(excavator: Machine) -> None:
+    """Compiled and called: before, in and after fades and sweeps; of what is no sweep none."""
+    plant = Plant(excavator)
+    valves = SymmetricValve.all(plant, find_equilibrium(plant, WORST).state)
+    names = [actuator.name for actuator in excavator.actuators]
+    sweep = SweptSine(amplitude=0.1, start=1.0, stop=5.0, duration=10.0)
+    whole = [
+        SymmetricCommand(valve, mean, sweep)
+        for valve, mean in zip(valves, (0.0, 0.02, -0.3), strict=True)
+    ]
+    commands = [{name: one} for name, one in zip(names, whole, strict=True)]
+    records = sweeps_of(commands, [excavator] * len(commands))
+    assert records is not None
+    for time in (-1.0, 0.0, 1e-9, *np.random.default_rng(0).uniform(0, 10, 200), 10.0, 11.0):
+        spools = np.zeros((len(commands), len(names)))
+        write_sweeps(np.full(len(commands), time), records, spools)
+        assert spools.tolist() == np.diag([one(float(time)) for one in whole]).tolist()
+    for other in (
+        {},
+        {"boom": ad.Step(size=0.1)},
+        {**commands[0], **commands[1]},
+        lambda _: [0.0],
+    ):
+        assert sweeps_of([commands[0], other], [excavator] * 2) is None

@@ -247,6 +247,11 @@ class Enclosure:
     centre: Natural
     reach: Array
 
+    @property
+    def is_point(self) -> bool:
+        """Whether the boxes have no width, so that nothing is cut."""
+        return self.centre is self.wide
+
     @cached_property
     def place(self) -> Interval:
         """Piston's place σ = s/S (m, n)."""
@@ -273,7 +278,7 @@ class Enclosure:
         return self._cut("stroke")
 
     def _cut(self, name: str) -> Interval:
-        if self.centre is self.wide:  # of no width: nothing to cut
+        if self.is_point:
             points: Interval = getattr(self.wide, name)
             return points
         slope: Interval = getattr(self.wide, f"{name}_slope")
@@ -334,14 +339,14 @@ def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
 def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) -> Shape:
     """The shape by moves b [m] of the base pin within ``reach`` (2, 2); the rod end stays."""
     joint = linkage.joints[0]
-    now = linkage.actuation(poses)
+    now, slopes = linkage.sensitivities(poses, [("base", 0), ("base", 2)])
     length, arm, curve = (
         now.length,
         now.moment_arm[:, joint],
         now.moment_arm_derivative[:, joint, joint],
     )
     slope = np.empty((len(poses), 3, 2))
-    for k, by in enumerate(linkage.sensitivities(poses, [("base", 0), ("base", 2)])):
+    for k, by in enumerate(slopes):
         d_arm, d_curve = by.moment_arm[:, joint], by.moment_arm_derivative[:, joint, joint]
         slope[:, 0, k] = length * by.length
         slope[:, 1, k] = by.length * arm + length * d_arm

@@ -85,7 +85,7 @@ class CylinderTerm:
 
     def _upper(self, low: Array, high: Array) -> Cells:
         """Upper bounds over some cells."""
-        allowed = self.limits.allowed(low, high)
+        designs, allowed = np.array_equal(low, high), self.limits.allowed(low, high)
         scale, vertices = allowed.scale, allowed.volume
         low, high = low[allowed.kept], high[allowed.kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])
@@ -94,19 +94,15 @@ class CylinderTerm:
         bound, spread, known = self.enclosed(e, vertices, costs, spring)
         bound = np.where(np.isnan(bound), np.inf, bound)
         rows, best = np.arange(len(low)), bound.argmax(axis=1)
-        added = self._added(
-            e, scale, spread[rows, best], vertices[rows, best], known[rows, best], spring
-        )
         ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
         if low.shape[1] > 3:
             ends[0], ends[1] = [*ends[0], allowed.low], [*ends[1], allowed.high]
-            if self.limits.areas.pairs is None:
-                others = self._by_volume(e, scale, vertices, vertices[rows, best], spring)
-            else:
-                others = self._by_area(e, allowed, vertices[rows, best], spring)
-            # elsewhere nothing is known of the shape yet
-            others = np.where(known[rows, best][:, None], others, 0.0)
-            added = np.column_stack([added, others])
+        added = np.zeros(low.shape)
+        if not designs:  # which nobody halves
+            at = spread[rows, best], vertices[rows, best], known[rows, best]
+            added[:, :3] = self._added(e, scale, *at, spring)
+            if low.shape[1] > 3:
+                added[:, 3:] = self._added_by_others(e, allowed, *at[1:], spring)
         return Cells(
             low=np.column_stack(ends[0]),
             high=np.column_stack(ends[1]),
@@ -131,8 +127,11 @@ class CylinderTerm:
 
         Also what b adds to the mean value form, and whether it holds.
         """
-        slopes, known = self.slopes(e, volume, spring)
-        spread = slopes * e.reach[:, None]
+        if e.is_point:
+            spread, known = np.zeros(volume.shape), self._filled(e, volume, spring)[1]
+        else:
+            slopes, known = self.slopes(e, volume, spring)
+            spread = slopes * e.reach[:, None]
         mean_value = np.where(
             known, self._value(e.centre, volume, costs, spring) + spread.sum(axis=2), np.inf
         )
@@ -170,6 +169,22 @@ class CylinderTerm:
     def _size(self, e: Enclosure) -> Interval:
         """Size |ρ| of the rates (m, n)."""
         return (e.rate * self.shape.sign).above(LEAST)
+
+    def _added_by_others(
+        self,
+        e: Enclosure,
+        allowed: AllowedBoxes,
+        volume: Array,
+        known: Flags,
+        spring: CylinderSpring,
+    ) -> Array:
+        """Rough share of volumes or areas of a cell in its bound (m, 2), at its best volumes."""
+        if self.limits.areas.pairs is None:
+            others = self._by_volume(e, allowed.scale, allowed.volume, volume, spring)
+        else:
+            others = self._by_area(e, allowed, volume, spring)
+        # elsewhere nothing is known of the shape yet
+        return np.where(known[:, None], others, 0.0)
 
     def _by_volume(
         self, e: Enclosure, scale: Interval, volume: Array, best: Array, spring: CylinderSpring
@@ -288,20 +303,31 @@ class CylinderTerm:
         ]
         return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
 
+    def _filled(
+        self, e: Enclosure, volume: Numbers, spring: CylinderSpring
+    ) -> tuple[list[tuple[Interval, Array]], Flags]:
+        """Oil (m, v, n) in cap and annulus, each with half of what is dead, and ``known``.
+
+        That is whether slopes hold over the cells: also for a piston beyond its ends.
+        """
+        place, chambers, known = e.place[:, None], [], e.wide.whole[:, None]
+        places = place + spring.shift.low[:, None], 1 - place - spring.shift.high[:, None]
+        volumes = volume[..., :1], volume[..., 1:]
+        for v, share, dead in zip(volumes, places, self.dead_volumes(spring), strict=True):
+            filled, half = share * v + dead, interval(dead).high / 2
+            known = known & np.all(filled.low[..., 2:] > half[..., 2:], axis=2)
+            chambers.append((filled, half))
+        return chambers, known
+
     def slopes(self, e: Enclosure, volume: Numbers, spring: CylinderSpring) -> tuple[Array, Flags]:
         """Largest absolute derivatives by b (m, v, 2) over the cells, at swept volumes (m, v, 2).
 
         And where they hold.
         """
-        place, rate, stiffening = e.place[:, None], e.rate[:, None], spring.stiffening
-        places = place + spring.shift.low[:, None], 1 - place - spring.shift.high[:, None]
-        springs, changes, known = [], [], e.wide.whole[:, None]
-        volumes, dead_volumes = (volume[..., :1], volume[..., 1:]), self.dead_volumes(spring)
-        for v, share, dead, stiff in zip(volumes, places, dead_volumes, stiffening, strict=True):
-            filled = share * v + dead
-            # also for a piston beyond its ends
-            half = interval(dead).high / 2
-            known = known & np.all(filled.low[..., 2:] > half[..., 2:], axis=2)
+        rate, volumes = e.rate[:, None], (volume[..., :1], volume[..., 1:])
+        chambers, known = self._filled(e, volume, spring)
+        springs, changes = [], []
+        for v, (filled, half), stiff in zip(volumes, chambers, spring.stiffening, strict=True):
             emptiness = filled.above(half + TINY).reciprocal()
             springs.append(emptiness * (stiff * (v * v)))
             changes.append((emptiness * v).square() * (stiff * v))

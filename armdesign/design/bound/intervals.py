@@ -3,6 +3,8 @@
 Ends of ``Interval`` are rounded to nearest, which is fast: searches use it. Ends of ``Outward``
 are rounded outward: proofs use it. Both go through the same formulas; an operation with one
 ``Outward`` gives one.
+
+Where both ends are one array the interval is a point: what is made of points is computed once.
 """
 
 from __future__ import annotations
@@ -36,16 +38,28 @@ class Interval:
         """Numbers that are exact, as an interval of this kind."""
         return cls(value, value)
 
+    @classmethod
+    def near(cls, value: Array) -> Interval:
+        """What one operation on points has rounded to nearest."""
+        return cls.rounded(value, value)
+
+    @property
+    def is_point(self) -> bool:
+        """Whether both ends are one array."""
+        return self.low is self.high
+
     def _with(self, other: Interval) -> type[Interval]:
         """The kind of what is made of both."""
         return type(other) if isinstance(other, type(self)) else type(self)
 
     def __add__(self, other: Any) -> Interval:
         other = interval(other)
+        if self.is_point and other.is_point:
+            return self._with(other).near(self.low + other.low)
         return self._with(other).rounded(self.low + other.low, self.high + other.high)
 
     def __neg__(self) -> Interval:
-        return type(self)(-self.high, -self.low)
+        return self.like(-self.low) if self.is_point else type(self)(-self.high, -self.low)
 
     def __sub__(self, other: Any) -> Interval:
         return self + -interval(other)
@@ -55,13 +69,17 @@ class Interval:
 
     def __mul__(self, other: Any) -> Interval:
         if not isinstance(other, Interval):
+            if self.is_point:
+                return self.near(self.low * other)
             ends = self.low * other, self.high * other
             if isinstance(other, float | int):
                 return self.rounded(*(ends if other >= 0 else ends[::-1]))
             return self.rounded(np.minimum(*ends), np.maximum(*ends))
-        if np.min(other.low, initial=0.0) >= 0:
+        if self.is_point and other.is_point:
+            return self._with(other).near(self.low * other.low)
+        if other.low.min(initial=0.0) >= 0:
             return other._times(self)
-        if np.min(self.low, initial=0.0) >= 0:
+        if self.low.min(initial=0.0) >= 0:
             return self._times(other)
         a, b = self.low * other.low, self.low * other.high
         c, d = self.high * other.low, self.high * other.high
@@ -72,7 +90,7 @@ class Interval:
 
     def _times(self, other: Interval) -> Interval:
         """The product where this one is nowhere negative: what is most of the work."""
-        if np.min(other.low, initial=0.0) >= 0:
+        if other.low.min(initial=0.0) >= 0:
             return self._with(other).rounded(self.low * other.low, self.high * other.high)
         return self._with(other).rounded(
             np.minimum(self.low * other.low, self.high * other.low),
@@ -84,21 +102,29 @@ class Interval:
 
     def reciprocal(self) -> Interval:
         """1/x of positive numbers."""
+        if self.is_point:
+            return self.near(1 / self.low)
         return self.rounded(1 / self.high, 1 / self.low)
 
     def square(self) -> Interval:
         """x², tighter than x·x."""
+        if self.is_point:
+            return self.near(self.low**2)
         size = np.maximum(np.abs(self.low), np.abs(self.high))
         least = np.maximum(np.maximum(self.low, -self.high), 0.0)
         return self.rounded(least**2, size**2)
 
     def sqrt(self) -> Interval:
         """√x, of what is not negative."""
+        if self.is_point:
+            return self.near(np.sqrt(np.maximum(self.low, 0.0)))
         ends = (np.sqrt(np.maximum(end, 0.0)) for end in (self.low, self.high))
         return self.rounded(*ends)
 
     def sum(self, axis: int) -> Interval:
         """Sum along an axis."""
+        if self.is_point:
+            return self.like(total(self.low, axis))
         return type(self)(total(self.low, axis), total(self.high, axis))
 
     def spread(self, reach: Array, axis: int) -> Array:
@@ -112,14 +138,19 @@ class Interval:
 
     def above(self, least: Array | float) -> Interval:
         """The part not below ``least`` > −∞, for a number known to lie there."""
+        if self.is_point:
+            return self.like(np.maximum(self.low, least))
         return type(self)(np.maximum(self.low, least), np.maximum(self.high, least))
 
     @property
     def size(self) -> Array:
         """Largest absolute value."""
-        return np.asarray(np.maximum(np.abs(self.low), np.abs(self.high)))
+        ends = np.abs(self.low), np.abs(self.high)
+        return np.asarray(ends[0] if self.is_point else np.maximum(*ends))
 
     def __getitem__(self, index: Any) -> Interval:
+        if self.is_point:
+            return self.like(self.low[index])
         return type(self)(self.low[index], self.high[index])
 
 
@@ -163,4 +194,4 @@ def total(values: Array, axis: int) -> Array:
 
 def interval(value: Any) -> Interval:
     """An interval as it is; a number or array as one of no width."""
-    return value if isinstance(value, Interval) else Interval(np.asarray(value), np.asarray(value))
+    return value if isinstance(value, Interval) else Interval.like(np.asarray(value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,21 +85,27 @@ def _directions(box: Array, near: Array, far: Array) -> tuple[float, Array, Arra
         return centre, np.full(len(near), -2 * np.pi), np.full(len(near), 2 * np.pi)
     corners = np.array([[x, z] for x in box[:, 0] for z in box[:, 1]])
     sizes = np.linalg.norm(corners, axis=1)
-    points = [np.broadcast_to(corners, (len(near), 4, 2))]
-    allowed = [(sizes >= near[:, None] - TOUCH) & (sizes <= far[:, None] + TOUCH)]
-    for distance in (near, far):
-        for axis in (0, 1):
-            for edge in box[:, axis]:
-                along = np.sqrt(np.maximum(distance**2 - edge**2, 0.0))[:, None] * [-1.0, 1.0]
-                across = np.full_like(along, edge)
-                points.append(np.stack([across, along] if axis == 0 else [along, across], axis=2))
-                inside = (along >= low[1 - axis] - TOUCH) & (along <= high[1 - axis] + TOUCH)
-                allowed.append(inside & (distance[:, None] >= abs(edge) - TOUCH))
-    corners, allowed_all = np.concatenate(points, axis=1), np.concatenate(allowed, axis=1)
-    angle = _wrapped(np.arctan2(corners[..., 1], corners[..., 0]) - centre)
+    # x, z and whether they count (m, ·): corners, and meetings of edges of either axis
+    x, z = (np.broadcast_to(axis, (len(near), 4)) for axis in corners.T)
+    parts = [(x, z, (sizes >= near[:, None] - TOUCH) & (sizes <= far[:, None] + TOUCH))]
+    distance = np.stack([near, far], axis=1)[:, :, None, None]
+    for axis in (0, 1):
+        edge = box[:, axis, None]
+        along = np.sqrt(np.maximum(distance**2 - edge**2, 0.0)) * [-1.0, 1.0]
+        inside = (along >= low[1 - axis] - TOUCH) & (along <= high[1 - axis] + TOUCH)
+        met = inside & (distance >= np.abs(edge) - TOUCH)
+        across = np.broadcast_to(edge, along.shape)
+        parts.append((across, along, met) if axis == 0 else (along, across, met))
+    x, z, allowed = (
+        np.concatenate(
+            [part.reshape(len(near), math.prod(part.shape[1:])) for part in each], axis=1
+        )
+        for each in zip(*parts, strict=True)
+    )
+    angle = _wrapped(np.arctan2(z, x) - centre)
     margin = TOUCH / max(_distances(box)[0], TOUCH)
-    least = np.where(allowed_all, angle, np.inf).min(axis=1) - margin
-    return centre, least, np.where(allowed_all, angle, -np.inf).max(axis=1) + margin
+    least = np.where(allowed, angle, np.inf).min(axis=1) - margin
+    return centre, least, np.where(allowed, angle, -np.inf).max(axis=1) + margin
 
 
 def _directions_meet(low: Array, high: Array, centre: float, first: Array, last: Array) -> Flags:

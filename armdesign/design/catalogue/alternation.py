@@ -15,6 +15,7 @@ from armdesign.design.catalogue.sizes import Sizes, offered, size_in_mm
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.file_changes import changes_of_sizes
 from armdesign.design.search.infeasibility.elastic_programme import ROUGH
+from armdesign.design.search.infeasibility.explanation import not_written
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
@@ -102,6 +103,7 @@ def sizes_and_pins(
 
     Raises:
         ArmDesignError: no size varies, or forces depend on the sizes.
+        InfeasibleError: sizes and pins meet all requirements, but not on the drawing's grid.
     """
     refuse_fixed_sizes(problem)
     best, outcomes = multistart(problem, starts, seed, workers, start and start[0])
@@ -117,6 +119,8 @@ def sizes_and_pins(
             own = tuple((cylinder.bore, cylinder.rod) for cylinder in problem.machine.cylinders)
             if _in_catalogue(problem, own, sizes):
                 machine = or_today(machine, problem)
+            if machine is None:  # all that are allowed were drawn
+                raise not_written(sized)
             return sized, outcomes, machine
     unmoved = _of_todays_pins(problem, sizes)
     if unmoved and unmoved[0].violation <= MISSED:

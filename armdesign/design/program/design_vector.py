@@ -26,7 +26,7 @@ from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.mechanism.linkage.base import Linkage, Move
+from armdesign.mechanism.linkage.base import Drive, Linkage, Move
 
 PROGRAMME_POSES = 61  # over a joint range, where strokes and moment arms are constrained
 
@@ -173,6 +173,11 @@ class DesignVector:
                 linkages[v.cylinder] = linkages[v.cylinder].with_place(v.pin, at)
         return tuple(linkages)
 
+    def drives(self, x: Array) -> tuple[Drive, ...]:
+        """Linkages at x, then motors, which stay."""
+        linkages = self.linkages(x)
+        return (*linkages, *self.machine.drives[len(linkages) :])
+
     def closes(self, x: Array) -> bool:
         """Whether every four-bar closes over its joint's range."""
         pairs = zip(self.linkages(x), self.range_poses, strict=True)
@@ -180,13 +185,27 @@ class DesignVector:
 
     def geometry(self, x: Array, poses: RigidPoses) -> Geometry:
         """Every linkage at some poses."""
-        linkages = self.linkages(x)
-        drives = (*linkages, *self.machine.drives[len(linkages) :])
-        parts = [drive.actuation(poses) for drive in drives]
+        parts = [drive.actuation(poses) for drive in self.drives(x)]
         return Geometry(
             np.stack([p.length for p in parts], axis=1),
             np.stack([p.moment_arm for p in parts], axis=1),
             np.stack([p.moment_arm_derivative for p in parts], axis=1),
+        )
+
+    @cached_property
+    def own_joints(self) -> Array | None:
+        """The joint of each actuator where each coordinate has one actuator alone; else None."""
+        joints = [drive.joints for drive in self.machine.drives]
+        alone = sorted(joints) == [(j,) for j in range(len(self.machine.arm.coordinates))]
+        return np.array(joints)[:, 0] if alone else None
+
+    def own_geometry(self, x: Array, poses: RigidPoses) -> Geometry:
+        """Lengths, arms and their derivatives (n, nc) of actuators, each by its ``own_joints``."""
+        parts = [(drive.joints[0], drive.actuation(poses)) for drive in self.drives(x)]
+        return Geometry(
+            np.stack([p.length for _, p in parts], axis=1),
+            np.stack([p.moment_arm[:, j] for j, p in parts], axis=1),
+            np.stack([p.moment_arm_derivative[:, j, j] for j, p in parts], axis=1),
         )
 
     @cached_property

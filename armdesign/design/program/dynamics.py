@@ -6,7 +6,7 @@ on the requirements. Derivatives are exact, see ``gradient.py``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,7 +21,8 @@ from armdesign.frequency.bands import Corner
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
-from armdesign.machine.poses import static_forces
+from armdesign.machine.poses import own_forces, static_forces
+from armdesign.mechanism.arm import RigidPoses
 
 EXACT = 2_000  # of many eigenvalues, how many of the lowest are exact
 
@@ -315,11 +316,17 @@ class Dynamics:
         """Geometry at some of the workspace's poses."""
         if self._fixed_geometry is not None:
             return self._fixed_geometry[poses]
+        return self._at(self.vector.geometry, x, poses)
+
+    def _at(
+        self, geometry: Callable[[Array, RigidPoses], Geometry], x: Array, poses: Array
+    ) -> Geometry:
+        """A geometry at some of the workspace's poses; of many the workspace's own is picked."""
         rigid = self.workspace.rigid
         with np.errstate(invalid="ignore", divide="ignore"):
             if len(poses) >= len(rigid):
-                return self.vector.geometry(x, rigid)[poses]
-            return self.vector.geometry(x, rigid[poses])
+                return geometry(x, rigid)[poses]
+            return geometry(x, rigid[poses])
 
     # ----------------------------------------------------------------------------------- stiffness
 
@@ -386,12 +393,27 @@ class Dynamics:
 
     def _stiffness_and_mass(self, x: Array, rows: Array | slice) -> tuple[Array, Array, Array]:
         """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
-        g = self._geometry(x, self.rows.pose[rows])
         mass, gravity, slope = self.inertia_and_gravity(x, self.rows, rows)
+        if (own := self.vector.own_joints) is not None and self.vector.moving:
+            stiffness, forces = self._own_stiffness(x, rows, gravity, own)
+            return self._emphasis(x, rows) * (stiffness + slope), mass, forces
+        g = self._geometry(x, self.rows.pose[rows])
         forces = self.static_forces(g.arm, gravity, self.vector.areas(x))
         pistons = self._pistons(x, g.length, forces)
         stiffness = self.actuator_stiffness(self.rows.corner[rows], g, pistons)
         return self._emphasis(x, rows) * (stiffness + slope), mass, forces
+
+    def _own_stiffness(
+        self, x: Array, rows: Array | slice, gravity: Array, own: Array
+    ) -> tuple[Array, Array]:
+        """``actuator_stiffness`` and static forces where actuators have joints of their own."""
+        corner = self.rows.corner[rows]
+        g = self._at(self.vector.own_geometry, x, self.rows.pose[rows])
+        forces = own_forces(g.arm, gravity[:, own])
+        oil = self.corners.stiffness(corner, self._pistons(x, g.length, forces))
+        stiffness = np.zeros((len(forces), len(own), len(own)))
+        stiffness[:, own, own] = g.arm * (g.arm * oil) - forces * g.curve
+        return stiffness, forces
 
     def _emphasis(self, x: Array, rows: Array | slice) -> Array | float:
         """By how much more stiffness counts at x than where the emphasis was found (n, 1, 1)."""

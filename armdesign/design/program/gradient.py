@@ -7,7 +7,7 @@ complex numbers, so the imaginary part over ``STEP`` is the exact derivative: of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -62,11 +62,11 @@ class SteppedDesign:
         ]
 
     def _swept(self, i: int, poses: RigidPoses) -> tuple[Array, Array]:
-        linkage = self.linkages[i]
-        actuation, joint = linkage.actuation(poses), linkage.joints[0]
+        joint = self.linkages[i].joints[0]
+        actuation, slopes = self._sensitivities(i, poses)
         length = self._variants(actuation.length)
         arm = self._variants(actuation.moment_arm[:, joint])
-        for index, slope in self._sensitivities(i, poses):
+        for index, slope in slopes.items():
             length[index] += self._pin_step(slope.length)
             arm[index] += self._pin_step(slope.moment_arm[:, joint])
         return length, arm
@@ -116,21 +116,24 @@ class SteppedDesign:
 
     def geometry(self, rigid: RigidPoses) -> Geometry:
         """Lengths, moment arms and their derivatives of all actuators at some poses (nx, n, …)."""
-        at = self.vector.geometry(self.x, rigid)
-        stepped = Geometry(*map(self._variants, (at.length, at.arm, at.curve)))
-        for i in self.vector.moving:
-            for index, slope in self._sensitivities(i, rigid):
-                for part, change in (
-                    (stepped.length, slope.length),
-                    (stepped.arm, slope.moment_arm),
-                    (stepped.curve, slope.moment_arm_derivative),
-                ):
-                    part[index][:, i] += self._pin_step(change)
-        return stepped
+        names = ("length", "moment_arm", "moment_arm_derivative")
+        return Geometry(*self._actuations(rigid, names))
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
         """∂ℓ/∂q at some poses (nx, n, nc, nq)."""
-        return self.geometry(rigid).arm
+        (arms,) = self._actuations(rigid, ("moment_arm",))
+        return arms
+
+    def _actuations(self, rigid: RigidPoses, names: Sequence[str]) -> Iterator[Array]:
+        """Parts of all actuations at some poses (nx, n, nc, …), by their names."""
+        count = len(self.vector.machine.actuators)
+        known = [self._sensitivities(i, rigid) for i in range(count)]
+        for name in names:
+            part = self._variants(np.stack([getattr(at, name) for at, _ in known], axis=1))
+            for i, (_, slopes) in enumerate(known):
+                for index, slope in slopes.items():
+                    part[index][:, i] += self._pin_step(getattr(slope, name))
+            yield part
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """Base pin and rod end of a cylinder in the world (nx, n, 3) [m]."""
@@ -172,10 +175,13 @@ class SteppedDesign:
         """Complex copies of values, one for each entry of x (nx, …)."""
         return np.tile(values.astype(complex), (len(self.x), *[1] * values.ndim))
 
-    def _sensitivities(self, i: int, poses: RigidPoses) -> Iterator[tuple[int, Actuation]]:
-        """Entries of x that move cylinder ``i``, each with its actuation's derivative."""
-        moves = self.vector.moves(i)
-        return zip(moves, self.linkages[i].sensitivities(poses, list(moves.values())), strict=True)
+    def _sensitivities(self, i: int, poses: RigidPoses) -> tuple[Actuation, dict[int, Actuation]]:
+        """Actuation of actuator ``i``, and its derivatives by the entries of x that move it."""
+        drive, moves = self.vector.drives(self.x)[i], self.vector.moves(i)
+        if not moves:
+            return drive.actuation(poses), {}
+        actuation, slopes = self.linkages[i].sensitivities(poses, list(moves.values()))
+        return actuation, dict(zip(moves, slopes, strict=True))
 
     def _stepped_linkage(self, i: int, index: int) -> Linkage:
         """The linkage of cylinder ``i``, stepped along the entry of x that moves a place of it."""

@@ -210,14 +210,18 @@ class Linkage(Drive):
         span = self.span(few)
         return self._scatter(span.dot(span).sqrt(), back)
 
-    def sensitivities(self, poses: RigidPoses, moves: Sequence[Move]) -> list[Actuation]:
-        """Exact derivatives of the actuation by several coordinates of places: ∂ℓ = d·∂d/ℓ."""
+    def sensitivities(
+        self, poses: RigidPoses, moves: Sequence[Move]
+    ) -> tuple[Actuation, list[Actuation]]:
+        """The actuation, and its exact derivatives by coordinates of places: ∂ℓ = d·∂d/ℓ."""
         few, back = self._distinct(poses)
         end = self.rod_end_from(few, self.observer, self.joints)
         span = end.position - self._motion(few, self.base, self.observer, self.joints)
-        inverse = span.dot(span).sqrt().reciprocal()
+        length = span.dot(span).sqrt()
+        inverse = length.reciprocal()
         changes = self._span_derivatives(few, end, moves)
-        return [self._scatter(span.dot(change) * inverse, back) for change in changes]
+        slopes = [self._scatter(span.dot(change) * inverse, back) for change in changes]
+        return self._scatter(length, back), slopes
 
     def span(self, poses: RigidPoses) -> VectorJet:
         """The vector from base pin to rod end, seen from the observer."""
@@ -226,7 +230,7 @@ class Linkage(Drive):
 
     def ends(self, poses: RigidPoses) -> tuple[Array, Array]:
         """World positions (n, 3) [m] of base pin and rod end."""
-        end = self.rod_end_from(poses, self.observer, self.joints).position.value
+        end = self.rod_end_from(poses, self.observer, ()).position.value
         return self.point(poses, self.base), end
 
     def point(self, poses: RigidPoses, pin: Pin) -> Array:

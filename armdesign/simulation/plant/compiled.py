@@ -53,6 +53,11 @@ def compiled(function: F) -> F:
     return _compiled(function, counts=True)
 
 
+def callable_within(function: F) -> F:
+    """The function as it is, which compiled functions may call."""
+    return register_jitable(function)
+
+
 def borrowing(function: F) -> F:
     """A compiled function that makes no arrays and keeps none: it counts no references to them.
 

@@ -104,7 +104,7 @@ def test_places_of_another_kind() -> None:
             linkage.with_place(place, tuple(np.array(linkage.place(place)) + sign * step))
             for sign in (1, -1)
         ]
-        (exact,) = linkage.sensitivities(poses, [(place, axis)])
+        _, (exact,) = linkage.sensitivities(poses, [(place, axis)])
         lengths, arms = zip(
             *((k.length(poses), k.actuation(poses).moment_arm) for k in ends), strict=True
         )

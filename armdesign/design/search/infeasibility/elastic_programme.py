@@ -286,7 +286,6 @@ def _step(at: _Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[s
     soft ones, w = PENALTY for the others.
     """
     from scipy.optimize import linprog
-    from scipy.sparse import csr_array, eye_array, hstack, vstack
 
     low, high = box
     reach = np.minimum(at.jacobian * low, at.jacobian * high).sum(axis=1)
@@ -294,13 +293,12 @@ def _step(at: _Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[s
     m, nx, count = len(near), len(low), len(roles.soft)
     group = roles.groups([at.names[k] for k in near])
     gives = group >= 0
-    excess = eye_array(m, format="csr")
-    limits = hstack([csr_array(-at.jacobian[near]), csr_array((m, count)), -excess])
-    member = csr_array((group[:, None] == np.arange(count)).astype(float).reshape(m, count))
-    shared = hstack([csr_array((m, nx)), -member, excess], format="csr")[gives]
+    excess, member = np.eye(m), (group[:, None] == np.arange(count)).astype(float)
+    limits = np.hstack([-at.jacobian[near], np.zeros((m, count)), -excess])
+    shared = np.hstack([np.zeros((m, nx)), -member, excess])[gives]
     answer = linprog(
         np.concatenate([np.zeros(nx), np.ones(count), np.where(gives, EACH, PENALTY)]),
-        A_ub=vstack([limits, shared]),
+        A_ub=np.concatenate([limits, shared]),
         b_ub=np.concatenate([at.room[near], np.zeros(int(gives.sum()))]),
         bounds=[*zip(low, high, strict=True), *[(0.0, None)] * (count + m)],
     )

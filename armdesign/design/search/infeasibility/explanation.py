@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 
 def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue: bool) -> T:
-    """The design of a problem, or a refusal whose amounts were granted, all of them, and gave one.
+    """What is found for a problem, or a refusal whose amounts were all granted, and gave a design.
 
     What is refused again under what a refusal grants joins it, until there is a design.
 
