@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array
+from armdesign.design.bound.unfit_sizes import refuse_unfit_catalogue
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
@@ -90,6 +91,7 @@ def design_of(
         return Design.of(*outcome, command=command)
     if not problem.vector.moving:
         return _of_catalogue(problem, sizes, command)
+    refuse_unfit_catalogue(problem)
     search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
     return Design.of(search, reached, rounded=rounded, command=command)
 
