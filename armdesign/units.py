@@ -37,7 +37,8 @@ class Units:
     def number(self, value: float, unit: str, decimals: int | None = None) -> str:
         """A value [unit, SI] as its number alone."""
         factor, _, usual = self.table[unit]
-        return f"{value / factor + 0.0:.{usual if decimals is None else decimals}f}"
+        digits = usual if decimals is None else decimals
+        return f"{round(float(value / factor), digits) + 0.0:.{digits}f}"  # 0.0, never -0.0
 
     def text(self, value: float, unit: str) -> str:
         """A value [unit, SI] with its unit."""
@@ -50,6 +51,11 @@ class Units:
     def span(self, low: float, high: float, unit: str) -> str:
         """An interval [unit, SI] with its unit."""
         return _joined(f"[{self.number(low, unit)}, {self.number(high, unit)}]", self.name(unit))
+
+
+def percent(share: float, decimals: int = 1) -> str:
+    """A change in per cent with its sign; what rounds to nothing is no loss: "+0.0 %"."""
+    return f"{round(100 * float(share), decimals) + 0.0:+.{decimals}f} %"
 
 
 def _joined(number: str, unit: str) -> str:

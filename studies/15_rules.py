@@ -17,15 +17,18 @@ import pandas as pd
 import armdesign as ad
 
 MACHINES = ("excavator_20t", "excavator_12t", "mini_excavator_2t")
+TORQUE = {"torque_share": 0.0, "end_torque_share": 0.0, "digging_share": 0.0}
+ROOM: dict[str, Any] = {"outlines": (), "clearances": ()}
 RULES: dict[str, dict[str, Any]] = {  # settings without each
     "none": {},
     "lift": {"lift_share": 0.0},
-    "torque": {"torque_share": 0.0, "end_torque_share": 0.0, "digging_share": 0.0},
+    "torque": TORQUE,
     "buckling": {"buckling_share": 0.0},
     "moment arms": {"moment_arm_share": 0.0},
     "thrust": {"thrust_share": 10.0},
     "oil of each": {"oil_each_share": 10.0},
-    "room": {"outlines": (), "clearances": ()},
+    "room": ROOM,
+    "torque, room": TORQUE | ROOM,  # lift alone
     "today's oil, 10 % more": {"oil_total_share": 1.1},
 }
 OUT = Path("out") / "15_rules"

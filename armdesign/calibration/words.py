@@ -12,6 +12,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.calibration.fit import LOOSE, Fit
 from armdesign.machine.file.likely_values import USUAL
+from armdesign.units import percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,7 +88,7 @@ def _errors(frame: pd.DataFrame) -> str:
     for name in ("before", "calibrated", "left_out"):
         errors = frame[f"{name}_error"].dropna()
         if len(errors):
-            spans.append(f"{100 * errors.min():+.1f} … {100 * errors.max():+.1f} %")
+            spans.append(f"{percent(errors.min()).removesuffix(' %')} … {percent(errors.max())}")
     count = int(frame["measured_hz"].notna().sum())
     words = f"{count} measured frequencies: computed {spans[0]} before, {spans[1]} calibrated"
     return words + (f", {spans[2]} where each is left out of the fit" if spans[2:] else "")

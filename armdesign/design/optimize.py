@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array
+from armdesign.design.bound.unfit_sizes import refuse_unfit_catalogue
 from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design, Outcome
@@ -103,6 +104,7 @@ def outcome_of(
         return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
     if not problem.vector.moving:
         return _of_catalogue(problem, sizes)
+    refuse_unfit_catalogue(problem)
     search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
     return Outcome.of(search, reached, rounded=rounded)
 

@@ -33,6 +33,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
+from armdesign.units import percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +111,7 @@ class Steps:
     @property
     def headline(self) -> str:
         """Machine, and the gain of each step."""
-        gains = ", ".join(f"{100 * one.gain:+.1f} % by {len(one.pins)}" for one in self.steps)
+        gains = ", ".join(f"{percent(one.gain)} by {len(one.pins)}" for one in self.steps)
         return f"of {self.today.name}: by number of moved pins {gains or 'nothing'}"
 
     def plot(self, ax: Axes | None = None) -> Axes:

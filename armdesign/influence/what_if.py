@@ -29,7 +29,7 @@ from armdesign.machine.machine import Machine
 from armdesign.report.comparison import quantities
 from armdesign.report.sheet import Sheet
 from armdesign.short_repr import short_repr
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -159,7 +159,7 @@ def _cell(value: Any, unit: str, units: Units) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:+.1f} %" if np.isfinite(share) else "–"
+    return percent(share) if np.isfinite(share) else "–"
 
 
 @checked

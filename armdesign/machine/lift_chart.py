@@ -201,11 +201,7 @@ def chart_poses(machine: Machine, like: LiftChart | None = None) -> ChartPoses:
     arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
     held = ~is_singular(arms[..., : len(machine.joints)])
     if not held.any():
-        fault = f"no point of its grid is in reach, {step:g} m wide from {start:g} m on"
-        image, _ = place_and_slopes(machine, point, joints, lattice(machine, joints, others_at))
-        least, most = image[:, 0].min(), image[:, 0].max()
-        remedy = f"give a grid for a point that goes from {least:.3g} to {most:.3g} m"
-        raise _fault(machine, "step_m", fault, remedy)
+        raise _out_of_reach(machine, point, (joints, others_at), (step, start))
     used, place = np.unique(which[held], return_inverse=True)
     return ChartPoses(
         point=point,
@@ -306,6 +302,28 @@ def _fault(machine: Machine, key: str, fault: str, remedy: str) -> MachineFileEr
     if machine.section.lift_chart is None:
         return MachineFileError(f"{machine.source.name}: lift_chart", fault, remedy)
     return MachineFileError(f"{machine.source.name}: {path}", fault, remedy, machine.line_of(path))
+
+
+def _out_of_reach(
+    machine: Machine, point: Pin, moved: tuple[tuple[int, ...], Array], grid: tuple[float, float]
+) -> MachineFileError:
+    """The fault of a grid of which the point reaches no place, at the key that states the grid.
+
+    ``moved`` are the joints that bring it there, and where the others stand.
+    """
+    (joints, others_at), (step, start) = moved, grid
+    image, _ = place_and_slopes(machine, point, joints, lattice(machine, joints, others_at))
+    least, most = image[:, 0].min(), image[:, 0].max()
+    x, _, z = (round(coordinate / mm, 1) + 0.0 for coordinate in point.at)
+    where = f"the point on the {point.link} (x {x:g}, z {z:g} mm)"
+    section = machine.section.lift_chart or LiftChartSection()
+    stated = [key for key in ("from_m", "step_m") if getattr(section, key) is not None]
+    fault = f"steps of {step:g} m from a reach of {start:g} m on: none meets {where}"
+    if start > most:
+        fault = f"the chart begins at a reach of {start:g} m, beyond that of {where}"
+    span = f"{least:.3g} to {most:.3g} m"
+    remedy = f"it reaches from {span}: give from_m and step_m within that, or another point"
+    return _fault(machine, (stated or ["link"])[0], fault, remedy)
 
 
 def _ahead(machine: Machine, poses: ChartPoses) -> Array:

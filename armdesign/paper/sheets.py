@@ -12,7 +12,7 @@ from armdesign.paper.configurations import FORMULAS, PUBLISHED
 from armdesign.plots.canvas import COMPUTED, MARK, Style, figure, literal
 from armdesign.plots.charts import Chart, Curve
 from armdesign.report.sheet import Sheet
-from armdesign.units import WORKSHOP
+from armdesign.units import WORKSHOP, percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +96,7 @@ def _paper_frequencies(reproduction: Reproduction) -> Sheet:
 def _sweep_bias(bias: pd.DataFrame) -> Sheet:
     rows = []
     for _, one in bias.iterrows():
-        errors = (f"{round(100 * one[name], 2) + 0.0:+.2f} %" for name in BIASES)
+        errors = (percent(one[name], 2) for name in BIASES)
         rows.append((f"{one.periods:g}", f"{one.damping:g}", *errors))
     return Sheet(
         title="Error of the sweep itself: spectral peaks and fit of a linear oscillator",

@@ -21,6 +21,7 @@ from armdesign.plots.canvas import (
     title_of,
 )
 from armdesign.plots.maps import side_by_side
+from armdesign.units import percent
 
 if TYPE_CHECKING:
     from armdesign.design.design import Design
@@ -121,7 +122,7 @@ def design_steps(steps: Steps, ax: Axes | None = None) -> Any:
     ax.set_yticks(places, labels)
     ax.invert_yaxis()  # fewest above
     for place, gain, words in zip(places, gains, names, strict=True):
-        shown = f"{gain:+.1f} %   {words or 'cylinders alone'}"
+        shown = f"{percent(gain / 100)}   {words or 'cylinders alone'}"
         ax.annotate(shown, (max(gain, 0), place), (4, 0), textcoords="offset points", va="center")
     ax.set(xlabel="least gain of the worst frequency within the bands [%]")
     ax.set_xlim(min(0.0, *gains), 2.2 * max(*gains, 1.0))
@@ -149,7 +150,7 @@ def trade_off(front: Pareto, ax: Axes | None = None) -> Any:
             now, start, "*", ms=12, color=INK, label="_" if start < today else "today's machine"
         )
         for limit, frequency in zip(limits, frequencies, strict=True):
-            gain = f"{100 * (frequency / start - 1):+.1f} %"
+            gain = percent(frequency / start - 1)
             ax.annotate(
                 gain, (limit, frequency), (0, 6), textcoords="offset points", ha="center", size=8
             )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes, Figure
 
 KILOGRAMS = "lift capacity [kg]"
-LIMITED = "87 % hydraulic, or 75 % of tipping (ISO 10567)"
+HYDRAULIC, LOWER = "87 % hydraulic", ", or 75 % of tipping"
 
 
 @literal
@@ -36,8 +36,14 @@ def lift_chart(chart: LiftChart, ax: Axes | None = None, **limits: float) -> Axe
         (f"{mass:.0f}", name) for mass, name in zip(chart.capacity, chart.limiting, strict=True)
     ]
     _points(ax, (chart.reach, chart.height), chart.capacity, words, KILOGRAMS, COLOURS, limits)
-    ax.set_title(LIMITED, fontsize=10)
+    ax.set_title(_limited(chart), fontsize=10)
     return ax
+
+
+def _limited(chart: LiftChart) -> str:
+    """By which shares of ISO 10567 the capacities are limited, in words."""
+    tips = chart.machine.section.stability is not None
+    return f"{HYDRAULIC}{LOWER if tips else ''} (ISO 10567)"
 
 
 @literal
@@ -49,7 +55,8 @@ def lift_charts(charts: Mapping[str, LiftChart]) -> Figure:
         lift_chart(chart, ax, vmin=0.0, vmax=most)
         ax.set_title(label, fontsize=11)
     if len(charts) == 1:
-        axes[0].set_title(f"{next(iter(charts))}\n{LIMITED}", fontsize=11)
+        ((label, chart),) = charts.items()
+        axes[0].set_title(f"{label}\n{_limited(chart)}", fontsize=11)
     else:
         hide_colour_bar(axes[0])  # the second chart has the same
         ends = np.array([(*ax.get_xlim(), *ax.get_ylim()) for ax in axes[:2]])

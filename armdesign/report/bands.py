@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from armdesign.frequency.bands import EXACT, Bands, FrequencyBand
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet
+from armdesign.units import percent
 
 BANDS_TITLE = "Worst frequency within the bands of what is not known exactly"
 
@@ -29,7 +30,7 @@ def bands_sheet(
     ]
     if len(frequencies) > 1:
         pairs = zip(*frequencies, strict=True)
-        gains = (f"{100 * (new / old - 1):+.1f} %" if old > 0 else "" for old, new in pairs)
+        gains = (percent(new / old - 1) if old > 0 else "" for old, new in pairs)
         texts.append(("gain", *gains))
     return Sheet(
         title=BANDS_TITLE,

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from armdesign.report.sheet import Sheet
+from armdesign.units import percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,4 +64,4 @@ def _measurements(calibration: Calibration) -> Sheet:
 
 
 def _percent(value: float) -> str:
-    return "–" if math.isnan(value) else f"{100 * value:+.2f} %"
+    return "–" if math.isnan(value) else percent(value, 2)

@@ -19,7 +19,7 @@ from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import figures, performance_sheet
 from armdesign.report.sheet import Sheet
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -102,8 +102,8 @@ class Comparison:
                 case = payload if label == cases[0][0] else ""
                 rows.append((case, label, f"{worst.frequency:.3f}", worst.cylinder, where))
             if len(cases) == 2 and cases[0][2].frequency > 0:
-                change = 100 * (cases[1][2].frequency / cases[0][2].frequency - 1)
-                rows.append(("", "change", f"{change:+.1f} %", "", ""))
+                change = percent(cases[1][2].frequency / cases[0][2].frequency - 1)
+                rows.append(("", "change", change, "", ""))
         first = "both in the workspace of the first machine"
         return Sheet(
             title="Worst natural frequency [Hz]",
@@ -181,8 +181,8 @@ def quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
         values[f"{payload}.worst.cylinder"] = (worst.cylinder, "")
         for joint, position in zip(machine.arm.joints, worst.q, strict=True):
             values[f"{payload}.worst.{joint.name}"] = (float(position), joint.unit)
-        for percent, value in zip((5, 50, 95), spread.loc[payload], strict=True):
-            values[f"{payload}.percentile_{percent}"] = (float(value), "Hz")
+        for rank, value in zip((5, 50, 95), spread.loc[payload], strict=True):
+            values[f"{payload}.percentile_{rank}"] = (float(value), "Hz")
     for name, share in frequencies.limiting_shares.items():
         values[f"limiting.{name}"] = (float(share), "")
     for c in machine.cylinders:

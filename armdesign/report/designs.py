@@ -13,7 +13,7 @@ from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, spring_note, worst_pose_text
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, percent
 
 if TYPE_CHECKING:
     from armdesign.design.design import Design
@@ -69,7 +69,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     return Sheet(
         title=f"{title}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
-        rows=(*rows, ("gain", f"{100 * (after.frequency / before.frequency - 1):+.1f} %", "", "")),
+        rows=(*rows, ("gain", percent(after.frequency / before.frequency - 1), "", "")),
         note=_vanishing(design) + "; ".join(notes) + _bound(design) + reached,
         bold=(2,),
     )
@@ -100,7 +100,7 @@ def bandwidth_sheet(design: Design) -> Sheet | None:
 
 
 def _percent(new: float, today: float) -> str:
-    return f"{100 * (new / today - 1):+.1f} %" if today > 0 else ""
+    return percent(new / today - 1) if today > 0 else ""
 
 
 def bound_sheet(design: Design) -> Sheet:
@@ -173,7 +173,7 @@ def _buildability(design: Design) -> str:
     both = design.catalogue and design.best_sizes is None and design.starts
     if design.made_for != "gain" or not both:
         return ""
-    built, real = f"{100 * design.least_gain:+.1f} %", _reached(design, max(design.starts))
+    built, real = percent(design.least_gain), _reached(design, max(design.starts))
     return (
         f"; buildable {built}, in real numbers {real}: the difference is what buildability costs"
     )
@@ -184,7 +184,8 @@ def _reached(design: Design, *frequencies: float) -> str:
     if design.made_for != "gain":
         return f"{', '.join(f'{f:.3f}' for f in frequencies)} Hz"
     today = design.problem.dynamics.corners.nominal
-    return f"{', '.join(f'{100 * (f / today - 1):+.1f}' for f in frequencies)} %"
+    gains = [percent(f / today - 1).removesuffix(" %") for f in frequencies]
+    return f"{', '.join(gains)} %"
 
 
 def bands_of_design(design: Design) -> Sheet:
@@ -196,7 +197,7 @@ def bands_of_design(design: Design) -> Sheet:
         "bandwidth": "; the new machine was designed for the bandwidth with the file's values",
     }
     rows = {"today": design.band_before, "new": design.band_after}
-    least = f"; least gain within the bands {100 * design.least_gain:+.1f} %"
+    least = f"; least gain within the bands {percent(design.least_gain)}"
     return bands_sheet(design.today, design.bands, rows, f"{made_for[design.made_for]}{least}")
 
 
@@ -204,7 +205,7 @@ def _vanishing(design: Design) -> str:
     """Loss of the new machine somewhere within the bands; empty if nothing."""
     if design.least_gain > 0:
         return ""
-    return f"the gain vanishes within the bands: {100 * design.least_gain:+.1f} % there; "
+    return f"the gain vanishes within the bands: {percent(design.least_gain)} there; "
 
 
 def sizes_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
@@ -238,7 +239,7 @@ def binding_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     """Requirements that bind, with prices; where sizes come in steps those nearest to a limit."""
     if design.best_sizes is None:
         title, head = "Binding requirements; frequency gain per 1 % relaxation", "gain"
-        last = [(c, f"{100 * design.prices[c.name]:+.2f} %") for c in design.binding]
+        last = [(c, percent(design.prices[c.name], 2)) for c in design.binding]
         fixed = ", with the sizes fixed" if design.catalogue else ""
         why = f"requirements with a common setting are relaxed together and share the gain{fixed}"
     else:
@@ -272,9 +273,9 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     for row in front.frame.to_dict("records"):
         shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
         limit = units.text(row["limit"], "m") if box else f"{row['limit']:g}"
-        cells = [f"{row['frequency_hz']:.3f} Hz", f"{100 * row['gain']:+.1f} %"]
+        cells = [f"{row['frequency_hz']:.3f} Hz", percent(row["gain"])]
         if front.robust:
-            cells += [f"{row['banded_hz']:.3f} Hz", f"{100 * row['least_gain']:+.1f} %"]
+            cells += [f"{row['banded_hz']:.3f} Hz", percent(row["least_gain"])]
         cells += [*(f"{share:.3f}" for share in shares), f"{row['squared_times_speed']:.2f}"]
         rows.append((limit, *cells))
     columns = ["limit", "frequency", "gain", *front.robust * ["in the bands", "least gain"]]
@@ -301,7 +302,7 @@ def steps_sheet(answer: Steps) -> Sheet:
             (
                 str(len(step.pins)),
                 f"{step.design.after.worst.frequency:.3f} Hz",
-                f"{100 * step.gain:+.1f} %",
+                percent(step.gain),
                 "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
                 ", ".join(step.changed),
                 f"{step.searched} of {step.sets}",
@@ -360,5 +361,5 @@ def _throughout(design: Design) -> str:
     assumed = ", assumed" if is_assumed(design.today, design.bands) else ""
     return (
         f" Within the bands of what is not known exactly{assumed}, {low:.3f} to {high:.3f} Hz,"
-        f" {what} {100 * least:+.1f} %."
+        f" {what} {percent(least)}."
     )

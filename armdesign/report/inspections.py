@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from armdesign.design.requirements.places import pins_outside
+from armdesign.design.requirements.settings import Requirements
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions
@@ -172,6 +174,9 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
 
 def _implausible(inspection: Inspection, units: Units) -> Sheet:
     rows = tuple((finding.part, finding.words) for finding in inspection.findings(units))
+    machine = inspection.machine
+    for fault in pins_outside(machine, Requirements.of(machine).outlines):
+        rows += ((fault.part, f"{fault.fault}: {fault.remedy}; until then designs are refused"),)
     return Sheet(
         title="Implausible values" if rows else "No implausible values",
         rows=rows,

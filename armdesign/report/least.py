@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from armdesign.units import WORKSHOP, Units, litre
+from armdesign.units import WORKSHOP, Units, litre, percent
 
 if TYPE_CHECKING:
     from armdesign.design.design import Design
@@ -21,7 +21,7 @@ def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
     digits = max(2 - math.floor(math.log10(before / litre)), 0)  # three that count
     decimals = digits if unit == "m³" and units is WORKSHOP else None
     one, other = (units.number(amount, unit, decimals) for amount in (before, after))
-    change = f"{100 * (after / before - 1):+.1f} %"
+    change = percent(after / before - 1)
     frequencies = (m.worst.frequency for m in (design.before, design.after))
     today, new = (f"{frequency:.3f}" for frequency in frequencies)
     return (

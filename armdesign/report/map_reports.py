@@ -13,7 +13,7 @@ from armdesign.report.bands import end_names, is_assumed, widths
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet, worst_pose_text
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, percent
 
 if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
@@ -134,7 +134,7 @@ def _number(
     values = [f"{one.frequency:.3f}" for one in poses if one]
     gain = ""
     if len(poses) == 2 and poses[0] and poses[0].frequency > 0:
-        gain = f"{100 * (worst.frequency / poses[0].frequency - 1):+.1f} %: "
+        gain = f"{percent(worst.frequency / poses[0].frequency - 1)}: "
     where = f"{worst_pose_text(machine, worst, units)}; limited by {worst.cylinder}"
     return HeadlineNumber(name=name, value=f"{' → '.join(values)}\u00a0Hz", words=gain + where)
 

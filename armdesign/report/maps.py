@@ -10,7 +10,7 @@ from armdesign.frequency.bands import Bands
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.sheet import Sheet, spring_note, worst_pose_text
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, percent
 
 if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
@@ -135,13 +135,13 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
 
 def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
     stable = frequencies.frame["f1_hz"].to_numpy() > 0
-    shares, weights = 100 * frequencies.stiffness_shares[stable], frequencies.weights[stable]
+    shares, weights = frequencies.stiffness_shares[stable], frequencies.weights[stable]
     origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
     origins["springs"] = "springs of the structure"
     rows = []
     for part, share in zip(shares.columns, shares.to_numpy().T, strict=True):
         spread = percentiles(share, weights, (0, 50, 100)) if len(share) else ()
-        cells = (f"{round(value, 1) + 0.0:+.1f} %" for value in spread)
+        cells = map(percent, spread)
         rows += [(origins[str(part)], *cells)] if len(share) else []
     return Sheet(
         title="Origin of the stiffness of the lowest mode",

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from armdesign.report.sheet import Sheet
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, percent
 
 if TYPE_CHECKING:
     from armdesign.motion.move import Move
@@ -88,7 +88,7 @@ def _shapers(move: Move) -> Sheet:
             "shaper",
             "delay [s]",
             "periods",
-            *(f"{100 * error:+.0f} %" if error else "0" for error in ERRORS),
+            *(percent(error, 0) if error else "0" for error in ERRORS),
             "width at 5 %",
         ),
         rows=tuple(_shaper_row(shaper, lowest) for shaper in shapers),

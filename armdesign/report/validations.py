@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.plots.charts import GREY, Chart, Curve
 from armdesign.report.sheet import Sheet
+from armdesign.units import percent
 
 if TYPE_CHECKING:
     from armdesign.simulation.sweeps import FittedMode, SweptMode
@@ -43,7 +44,7 @@ def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
     cells = [f"{label}, {sweep.payload}", sweep.cylinder, valve, linear]
     if not isinstance(sweep, FittedMode):
         return (*cells, *["–"] * (len(COLUMNS) + friction - len(cells)), "failed")
-    cells += [f"{sweep.identified_frequency:.4f}", f"{100 * sweep.deviation:+.2f} %"]
+    cells += [f"{sweep.identified_frequency:.4f}", percent(sweep.deviation, 2)]
     cells += [f"{sweep.linear_damping:.4f}", f"{sweep.identified_damping:.4f}"]
     if friction:
         dry = sweep.with_friction
@@ -120,7 +121,7 @@ def _words(run: FittedMode) -> tuple[str, ...]:
     return (
         f"{run.pose} pose, {run.payload}: {run.cylinder}, valve {100 * run.amplitude:.2g} %",
         f"{run.linear_frequency:.4f}, {run.identified_frequency:.4f} Hz",
-        f"{100 * run.deviation:+.2f} %",
+        percent(run.deviation, 2),
         f"linear {run.linear_damping:.4f}, measured {run.identified_damping:.4f}",
         run.remark,
     )

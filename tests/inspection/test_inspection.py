@@ -210,6 +210,20 @@ def test_printed(
     assert [path.name for path in tmp_path.rglob("*.*")] == ["machine.png"]
 
 
+def test_a_pin_outside_its_outline_is_told(tmp_path: Path) -> None:
+    """The boom's upper edge 400 mm lower near the rod-end pin of the boom cylinder, x 2233.7 and
+    z 950.5 mm: from (2350, 775) over (2000, 770) mm to (905, 656) the pin is 177.1 mm above it by
+    hand: 950.5 − 770 − 5 · 233.7/350 = 177.2 mm straight up, cos 0.82° of that square to the edge.
+    """
+    edge = "[2350, 1175], [2000, 1170], [905, 656]"
+    file = written(tmp_path, (edge, "[2350, 775], [2000, 770], [905, 656]"))
+    machine = ad.load(file)
+    sheet = check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)))[-1]
+    (words,) = [words for part, words in sheet.rows if part == "requirements.outline.boom"]
+    assert "rod_end pin of the boom cylinder at x 2233.7, z 950.5 mm: it is 177.1 mm out" in words
+    assert "move the edge there out by 287.1 mm; until then designs are refused" in words
+
+
 @pytest.mark.parametrize(
     ("stroke", "first"), [("1.26", "Implausible values"), ("1260", "20 t crawler excavator")]
 )

@@ -243,8 +243,21 @@ BAD = [
     ),
     (
         "from_m = 50",
-        r"lift_chart.step_m: no point of its grid is in reach, 1.5 m wide from 50 m on; give a"
-        r" grid for a point that goes from .* to 8.45 m",
+        r"lift_chart.from_m: the chart begins at a reach of 50 m, beyond that of the point on the"
+        r" bucket \(x 0, z 0 mm\); it reaches from 1.4 to 8.45 m: give from_m and step_m within",
+    ),
+    (
+        "step_m = 12",
+        r"lift_chart.step_m: the chart begins at a reach of 24 m, beyond .* from 1.4 to 8.45 m",
+    ),
+    (
+        "step_m = 12\nfrom_m = 1",
+        r"lift_chart.from_m: steps of 12 m from a reach of 1 m on: none meets the point on the",
+    ),
+    (
+        'link = "boom"\nat_mm = [-20000, 0, 0]',  # behind the machine
+        r"lift_chart.link: the chart begins at a reach of 3 m, beyond that of the point on the"
+        r" boom \(x -20000, z 0 mm\); it reaches from -",
     ),
     ("step_m = 0.01", r"lift_chart.step_m: 0.01 m makes \d+ × \d+ places, more than 2000; give a"),
     ('link = "ground"', r"lift_chart.link: no joint raises the point on the ground; give link"),

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armdesign import lift_chart, plots
-from armdesign.plots.lift_charts import LIMITED
+from armdesign import Machine, lift_chart, plots
 from tests import machines
 
 
@@ -61,9 +60,16 @@ def test_curves_of_a_motor() -> None:
 
 
 def test_a_lift_chart_says_whose_it_is() -> None:
-    """Its label stands above what limits the capacities."""
-    fig = plots.lift_charts({"the crane": lift_chart(machines.named("patu_boom"))})
-    assert fig.axes[0].get_title() == f"the crane\n{LIMITED}"
+    """Its label stands above what limits the capacities: tipping only where the file knows it."""
+    crane = machines.named("patu_boom")
+    table = "[stability]\nmass_kg = 900\nat_mm = [0, 0, 0]\nfront_mm = 500\nrear_mm = 500\n"
+    stable = Machine.from_text(f"{crane.text}\n{table}", crane.urdf_text, crane.source)
+    for machine, limits in (
+        (crane, "87 % hydraulic"),
+        (stable, "87 % hydraulic, or 75 % of tipping"),
+    ):
+        fig = plots.lift_charts({"the crane": lift_chart(machine)})
+        assert fig.axes[0].get_title() == f"the crane\n{limits} (ISO 10567)"
 
 
 def test_lift_charts_of_two_machines_have_one_scale() -> None:

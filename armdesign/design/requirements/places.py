@@ -207,19 +207,15 @@ def pins_on(machine: Machine, link: str) -> Iterator[tuple[int, str, Pin]]:
                 yield i, name, pin
 
 
-def refuse_pins_outside(machine: Machine, outlines: Iterable[Outline]) -> None:
-    """Raise where an outline does not hold a pin of a machine by its radius.
-
-    Raises:
-        ArmDesignError: such a pin, with the distance that lacks.
-    """
+def pins_outside(machine: Machine, outlines: Iterable[Outline]) -> Iterator[ArmDesignError]:
+    """Pins of a machine that an outline does not hold by its radius, with the distance lacking."""
     for outline in outlines:
         for i, name, pin in pins_on(machine, outline.link):
             x, z = pin.at[0] / mm, pin.at[2] / mm
             within = float(depth(np.array([x, z]) * mm, np.array(outline.points)).min()) / mm
             radius, cylinder = outline.pin_radius / mm, machine.cylinders[i].name
             if within < radius - HELD / mm:
-                raise ArmDesignError(
+                yield ArmDesignError(
                     f"requirements.outline.{outline.link}",
                     f"does not hold today's {name} pin of the {cylinder} cylinder at x {x:.1f},"
                     f" z {z:.1f} mm: it is {abs(within):.1f} mm"

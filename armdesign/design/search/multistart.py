@@ -13,13 +13,13 @@ from armdesign.design.catalogue.sizes import FINE, DrawingGrid, Sizes, sizes_and
 from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
-from armdesign.design.requirements.places import refuse_pins_outside
+from armdesign.design.requirements.places import pins_outside
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.arm_shapes import linkages_of_every_shape
 from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.design.search.slsqp import improve_by_slsqp
-from armdesign.errors import ArmDesignError, choose
+from armdesign.errors import ArmDesignError, choose, raise_together
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
@@ -70,7 +70,7 @@ def formulate(
     chosen(machine, vary)
     requirements = requirements or Requirements.of(machine)
     requirements.refuse_unknown(machine)
-    refuse_pins_outside(machine, requirements.outlines)
+    raise_together([*pins_outside(machine, requirements.outlines)])
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
     problem = Problem.of(
         machine=machine,

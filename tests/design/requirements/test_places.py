@@ -50,6 +50,15 @@ def test_an_outline_must_hold_todays_pins(lid: float, radius: float, words: str)
         ad.optimize(machine, workspace_of("excavator"), requirements, starts=1)
 
 
+def test_every_pin_outside_an_outline_is_told() -> None:
+    box = ((-1.0, -1.0), (6.0, -1.0), (6.0, 0.9), (-1.0, 0.9))  # lids at 900 mm, pins at 950.5
+    requirements = Requirements(outlines=(Outline(link="boom", points=box),))
+    with pytest.raises(
+        ArmDesignError, match=r"rod_end pin of the boom .*; also: .* base pin of t"
+    ):
+        ad.optimize(MACHINES["excavator"](), None, requirements, starts=1)
+
+
 def test_clearance_against_the_reference() -> None:
     """Stick barrel from a plate on the stick: points along it against points along the plate's
     edges, at 241 poses by

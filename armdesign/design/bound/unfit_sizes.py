@@ -1,0 +1,74 @@
+"""Catalogues without a size that a cylinder could have, wherever its pins lie.
+
+Proved by the enclosures of the bound (``cylinder_constraints``), so that no search is needed to
+say so. What they leave of finer steps says which sizes might do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from armdesign.design.bound.cylinder_constraints import cylinder_constraints
+from armdesign.design.bound.mass_enclosure import BarEnclosure, bar_enclosures
+from armdesign.design.catalogue.sizes import GRID_MM, Sizes, sized, sizes_of
+from armdesign.design.program.problem import Problem
+from armdesign.errors import InfeasibleError
+from armdesign.hydraulics.actuator import areas_of
+from armdesign.units import mm
+
+FINER = sizes_of(f"{GRID_MM}mm")
+
+
+def refuse_unfit_catalogue(problem: Problem) -> None:
+    """Raise where the problem's catalogue has no size that some cylinder could have.
+
+    Only where that is proved, and finer steps have sizes that might do.
+
+    Raises:
+        InfeasibleError: all such cylinders, with the sizes that might do.
+    """
+    offered, lacking = set(problem.grid.sizes), {}
+    every = replace(problem.grid, sizes=tuple(sorted(offered.union(FINER))))
+    wide = replace(problem, grid=every)
+    bars = bar_enclosures(wide)
+    if bars is None:
+        return
+    for i, cylinder in enumerate(problem.machine.cylinders):
+        sizes = possible_sizes(wide, i, bars) if all(problem.vector.resized[i]) else ()
+        if sizes and not offered.intersection(sizes):
+            lacking[cylinder.name] = sizes
+    if lacking:
+        several = len(lacking) > 1
+        fault = (
+            f"has no size for the {', '.join(lacking)} {'cylinders' if several else 'cylinder'}:"
+            " their requirements allow none, wherever pins lie in their boxes"
+        )
+        ways = "; ".join(f"for the {name} {_spans(sizes)}" for name, sizes in lacking.items())
+        remedy = f"offer others, or relax them: in steps of {GRID_MM} mm these might do: {ways}"
+        raise InfeasibleError("catalogue", fault, remedy)
+
+
+def possible_sizes(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> Sizes:
+    """Sizes of the problem's catalogue that cylinder ``i`` may have under requirements of its own.
+
+    Empty where there are none, or where nothing is known.
+    """
+    machine = problem.machine
+    joints = set(machine.linkages[i].joints)
+    alone = sum(not joints.isdisjoint(drive.joints) for drive in machine.drives) == 1
+    limits = cylinder_constraints(problem, i, bars, alone=alone)
+    if limits is None or limits.areas.pairs is None:
+        return ()
+    left, sizes = set(map(tuple, limits.areas.pairs)), problem.grid.sizes
+    areas = areas_of(sized(machine.cylinders[i], *size) for size in sizes)
+    return tuple(size for size, pair in zip(sizes, areas, strict=True) if tuple(pair) in left)
+
+
+def _spans(sizes: Sizes) -> str:
+    """The spans of bores and rods in words."""
+    spans = zip(np.min(sizes, axis=0) / mm, np.max(sizes, axis=0) / mm, strict=True)
+    bores, rods = (f"{a:g}" if a == b else f"{a:g} to {b:g}" for a, b in spans)
+    return f"bores of {bores} mm with rods of {rods} mm"

@@ -1,0 +1,32 @@
+"""Numbers as they are printed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armdesign.units import SI, WORKSHOP, mm, percent
+
+
+@pytest.mark.parametrize(
+    ("share", "decimals", "printed"),
+    [
+        (0.0687, 1, "+6.9 %"),
+        (-0.0687, 1, "-6.9 %"),
+        (-1e-9, 1, "+0.0 %"),  # what a search loses to rounding is no loss of the machine
+        (-0.0, 1, "+0.0 %"),
+        (-0.00049, 1, "+0.0 %"),
+        (-0.00051, 1, "-0.1 %"),
+        (-0.00004, 2, "+0.00 %"),
+        (np.float64(-0.2), 0, "-20 %"),
+    ],
+)
+def test_changes_in_per_cent(share: float, decimals: int, printed: str) -> None:
+    assert percent(share, decimals) == printed
+
+
+def test_nothing_is_printed_as_minus_nothing() -> None:
+    assert WORKSHOP.number(-0.04 * mm, "m") == "0.0"
+    assert WORKSHOP.number(-0.06 * mm, "m") == "-0.1"
+    assert SI.number(-1e-9, "N") == "0"
+    assert WORKSHOP.text(-1e-12, "rad") == "0.0°"
