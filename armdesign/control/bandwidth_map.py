@@ -27,16 +27,15 @@ from armdesign.control.controller import Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.map_parts import ControlOptions, MapPart, map_parts
 from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN
+from armdesign.control.most_margin import no_gains_keep
 from armdesign.control.own_bandwidths import Schemes, schemes
 from armdesign.control.settling import settling_time, tracking_error
 from armdesign.control.tuning import Tuned, critical_factor
-from armdesign.errors import ArmDesignError
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
-from armdesign.units import deg
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -160,7 +159,7 @@ def bandwidth_map(
 
     Raises:
         ArmDesignError: damping that is none, numbers that cannot be, or a margin that no gains
-            keep.
+            keep; with the largest that some keep.
         PoseError: a pose that this machine cannot take, or no pose at which a controller works.
         SimulationError: an actuator has no valve.
 
@@ -184,19 +183,13 @@ def bandwidth_map(
         filter=filter,
         corner=corner,
     )
-    aim = options.aim
     workspace = workspace or Workspace.grid(machine, points=default_points(machine))
     parts = map_parts(list(load_cases(machine, workspace)), machine)
     found = schemes(parts, options)
     tables = [_tabled(part, options, each) for part, each in zip(parts, found, strict=True)]
     bandwidths = _assembled(machine, workspace, options, tables)
     if not bandwidths.frame["own_hz"].any():
-        fault = (
-            f"no gains keep {gain_margin_db:g} dB and {phase_margin / deg:g} deg (disk margin"
-            f" {aim.margin:.3f}) at any pose"
-        )
-        remedy = f"ask for less, as {GAIN_MARGIN_DB:g} dB and {PHASE_MARGIN / deg:g} deg"
-        raise ArmDesignError(f"{machine.name}: margin", fault, remedy)
+        raise no_gains_keep(machine, parts, options)
     return bandwidths
 
 

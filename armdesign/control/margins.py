@@ -36,9 +36,19 @@ def disk_margin_for(gain_db: float, phase: float) -> float:
         raise ArmDesignError("gain margin", f"{gain_db:g} dB", "give more than 0 dB, as 6")
     if not 0 < phase < math.pi / 2:
         fault = f"{phase / deg:g} deg is not between 0 and 90 deg"
-        raise ArmDesignError("phase margin", fault, "give one as 45 deg")
-    factor = 10 ** (gain_db / 20)
-    return max(2 * (factor - 1) / (factor + 1), 2 * math.tan(phase / 2))
+        in_python = ", in Python 45 * deg = 0.785" if phase / deg > 90 else ""
+        raise ArmDesignError("phase margin", fault, f"give one as 45 deg{in_python}")
+    return max(of_gain_margin(gain_db), of_phase_margin(phase))
+
+
+def of_gain_margin(gain_db: float) -> float:
+    """The balanced disk margin that guarantees a gain margin [dB]: 2 (g − 1)/(g + 1)."""
+    return 2 * math.tanh(gain_db * math.log(10) / 40)
+
+
+def of_phase_margin(phase: float) -> float:
+    """The balanced disk margin that guarantees a phase margin [rad]."""
+    return 2 * math.tan(phase / 2)
 
 
 def gain_margin_db(margin: Array | float) -> Array:

@@ -97,8 +97,8 @@ class Task:
         0 where it is not larger than the ``least`` that is of interest (n,).
         """
         n, highest = len(least), np.full(len(least), LARGEST)
-        if eta == 0:  # beyond Merritt's bound another band may seem to be stable
-            highest = np.minimum(highest, BOUND * self.plant.damping[:, 0])
+        if eta == 0:
+            highest = self._highest
         low, high = np.clip(least, SMALLEST * highest, highest), highest
         rows = self._holding(low, eta, np.arange(n))
         low[np.setdiff1d(np.arange(n), rows)] = 0.0
@@ -107,6 +107,15 @@ class Task:
             raised = np.isin(np.arange(n), self._holding(middle, eta, rows))
             low, high = np.where(raised, middle, low), np.where(raised, high, middle)
         return low
+
+    @property
+    def _highest(self) -> Array:
+        """κ of position loops alone (n,) beyond which another band may seem to be stable."""
+        return np.minimum(LARGEST, BOUND * self.plant.damping[:, 0])
+
+    def smallest(self) -> Controller:
+        """The controllers (n,) of the smallest gains that are tried: of position loops alone."""
+        return self.common(SMALLEST * self._highest, 0.0)
 
     def _holding(self, kappa: Array, eta: float, rows: Array) -> Array:
         return rows[self.loops.holds(self.common(kappa, eta), self.aim.margin, rows)]
