@@ -72,6 +72,22 @@ def balanced_norm(matrix: Array, floor: float) -> float:
 
 
 @compiled
+def largest_norm(matrices: Array) -> float:
+    """The largest μ(X) of matrices (f, m, m)."""
+    worst, most = 0, 0.0
+    for f in range(len(matrices)):
+        squares = 0.0
+        for value in matrices[f].ravel():
+            squares += value.real**2 + value.imag**2
+        if squares > most:
+            worst, most = f, squares
+    norm = balanced_norm(matrices[worst], 0.0)  # hardly any other exceeds it
+    for f in range(len(matrices)):
+        norm = balanced_norm(matrices[f], norm)
+    return norm
+
+
+@compiled
 def exceeds(matrix: Array, limit: float, square: Array) -> bool:
     """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in ``square``."""
     m, total = len(matrix), 0.0
@@ -80,10 +96,15 @@ def exceeds(matrix: Array, limit: float, square: Array) -> bool:
             total += matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
     if total <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
         return False
-    squares, scale = np.empty((m, m)), np.ones(m)
+    squares, scale, sums = np.empty((m, m)), np.ones(m), np.zeros((2, m))
     for i in range(m):
         for j in range(m):
             squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
+            magnitude = math.sqrt(squares[i, j])
+            sums[0, i] += magnitude
+            sums[1, j] += magnitude
+    if sums[0].max() * sums[1].max() <= limit * limit:  # σ_max² ≤ ‖X‖_∞ ‖X‖_1
+        return False
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
             row, column = 1e-300, 1e-300
