@@ -1,11 +1,11 @@
 """Bandwidth maps: how fast position loops can be, at every pose and under every load case.
 
-Three controllers are compared at each pose. All loops of each keep the asked disk margin
-together:
+Four controllers are compared at each pose. All loops of each keep the asked disk margin together:
 
 * ``proportional``: one position gain for all joints, nothing else;
+* ``individual``: a position gain of its own for each joint, nothing else;
 * ``damped``: with feedback of the load pressures, one gain and one loss factor for all;
-* ``own``: gains of their own for each loop, which are searched: a lower bound.
+* ``own``: with it and gains of their own for each loop, which are searched: a lower bound.
 
 Velocity feed-forward changes no margin; it divides the error of a constant-speed move by the error
 of the valves' gain. Beside them stand what single-loop formulas would promise: Merritt's bound
@@ -27,23 +27,22 @@ from armdesign.control.controller import Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.map_parts import ControlOptions, MapPart, map_parts
 from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN
+from armdesign.control.most_margin import no_gains_keep
 from armdesign.control.own_bandwidths import Schemes, schemes
 from armdesign.control.settling import settling_time, tracking_error
 from armdesign.control.tuning import Tuned, critical_factor
-from armdesign.errors import ArmDesignError
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
-from armdesign.units import deg
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from armdesign.plots.canvas import Axes
 
-SCHEMES = ("proportional", "damped", "own")
+SCHEMES = ("proportional", "individual", "damped", "own")
 GAIN_ERROR = 0.15  # of the valve's gain, as a controller knows it: what feed-forward leaves
 RULE = 3.0  # usual practice: a bandwidth of a third of the lowest natural frequency
 
@@ -59,10 +58,10 @@ class BandwidthMap(ReadOnly):
             slowly (least ζω, which bounds position gains), ``merritt_hz``, ``rule_hz``, and of
             each scheme ``<scheme>_hz`` (its narrowest loop), ``<scheme>_<joint>_hz``,
             ``<scheme>_command_hz`` (up to which commands are followed with feed-forward),
-            ``<scheme>_margin``, ``<scheme>_peak`` of S,
+            ``<scheme>_margin``, ``<scheme>_peak`` of S, ``<scheme>_settling_s`` after a step,
             ``<scheme>_tracking_s``: error of a constant-speed move over the speed, without
-            feed-forward. Of ``own`` also ``own_settling_s`` and ``own_critical``: factor on its
-            gains at which the loops become unstable. All 0 where no controller works.
+            feed-forward. Of ``own`` also ``own_critical``: factor on its gains at which the loops
+            become unstable. All 0 where no controller works.
         gains: one row for each row of ``frame``: ``<scheme>_<joint>_gain_per_s``,
             ``<scheme>_<actuator>_pressure_gain_m_per_s_bar`` and ``corner_rad_per_s``.
         machine: the machine.
@@ -103,13 +102,17 @@ class BandwidthMap(ReadOnly):
     def schedule(self) -> pd.DataFrame:
         """For drive and controller makers: frequency, damping, critical gain, gains, filter.
 
-        Of ``own`` gains, one row per pose and load case at which a controller works.
+        Of ``own`` gains, and beside them position gains for loops without pressure feedback
+        (``individual``); one row per pose and load case at which a controller works.
         """
         own = [name for name in map(str, self.gains.columns) if name.startswith("own_")]
-        named = {name: name.removeprefix("own_") for name in own}
+        named = {name: name.removeprefix("own_") for name in [*own, "corner_rad_per_s"]}
+        for joint in self.machine.joints:
+            alone = f"individual_{joint}_gain_per_s"
+            named[alone] = f"{joint}_gain_without_feedback_per_s"
         works = self.frame["works"]
         head = self.frame.loc[works, [*self.machine.joints, "payload", "f1_hz", "damping"]]
-        gains = self.gains.loc[works, [*own, "corner_rad_per_s"]].rename(columns=named)
+        gains = self.gains.loc[works, list(named)].rename(columns=named)
         first = gains[f"{self.machine.joints[0]}_gain_per_s"]
         critical = self.frame.loc[works, "own_critical"] * first
         head = head.assign(critical_gain_per_s=critical)
@@ -160,7 +163,7 @@ def bandwidth_map(
 
     Raises:
         ArmDesignError: damping that is none, numbers that cannot be, or a margin that no gains
-            keep.
+            keep; with the largest that some keep.
         PoseError: a pose that this machine cannot take, or no pose at which a controller works.
         SimulationError: an actuator has no valve.
 
@@ -184,19 +187,13 @@ def bandwidth_map(
         filter=filter,
         corner=corner,
     )
-    aim = options.aim
     workspace = workspace or Workspace.grid(machine, points=default_points(machine))
     parts = map_parts(list(load_cases(machine, workspace)), machine)
     found = schemes(parts, options)
     tables = [_tabled(part, options, each) for part, each in zip(parts, found, strict=True)]
     bandwidths = _assembled(machine, workspace, options, tables)
     if not bandwidths.frame["own_hz"].any():
-        fault = (
-            f"no gains keep {gain_margin_db:g} dB and {phase_margin / deg:g} deg (disk margin"
-            f" {aim.margin:.3f}) at any pose"
-        )
-        remedy = f"ask for less, as {GAIN_MARGIN_DB:g} dB and {PHASE_MARGIN / deg:g} deg"
-        raise ArmDesignError(f"{machine.name}: margin", fault, remedy)
+        raise no_gains_keep(machine, parts, options)
     return bandwidths
 
 
@@ -226,11 +223,9 @@ def _tabled(
     for scheme in SCHEMES:
         tuned = getattr(found, scheme)
         figures |= _figures(machine, scheme, tuned)
-        error = tracking_error(plant, tuned.controller).max(axis=1)
-        figures[f"{scheme}_tracking_s"] = np.where(np.isfinite(error), error, 0.0)
+        figures |= _in_time(plant, scheme, tuned.controller)
         numbers |= _numbers(machine, scheme, tuned.controller)
     own = found.own.controller
-    figures["own_settling_s"] = settling_time(plant, own)
     figures["own_critical"] = critical_factor(plant, own)
     numbers["corner_rad_per_s"] = own.corner
     for table, new in ((frame, figures), (gains, numbers)):
@@ -264,6 +259,15 @@ def _figures(machine: Machine, scheme: str, tuned: Tuned) -> dict[str, Array]:
         f"{scheme}_command_hz": figures.command_bandwidth.min(axis=1) / (2 * math.pi),
         f"{scheme}_margin": figures.margin,
         f"{scheme}_peak": figures.peak,
+    }
+
+
+def _in_time(plant: LoopPlant, scheme: str, controller: Controller) -> dict[str, Array]:
+    """Settling time and error of a move at constant speed; 0 where there are no gains."""
+    error, works = tracking_error(plant, controller).max(axis=1), controller.position.all(axis=1)
+    return {
+        f"{scheme}_settling_s": np.where(works, settling_time(plant, controller), 0.0),
+        f"{scheme}_tracking_s": np.where(np.isfinite(error), error, 0.0),
     }
 
 

@@ -67,7 +67,8 @@ class Controller(ReadOnly):
 def closed_loop(plant: LoopPlant, controller: Controller) -> tuple[Array, Array, Array]:
     """ẋ = A x + B q_r, q = C x of the closed loops (n, m, m), (n, m, nq), (nq, m).
 
-    States: the plant's, two of each spool, the delay's (Padé, order 3), the filters'.
+    States: the plant's, two of each spool, the delay's (Padé, order 3), and the filters' where
+    pressures are fed back.
     """
     ns, nq, nc = plant.A.shape[1], plant.joints, plant.B.shape[2]
     lag, delay = _spools(plant), _pade(plant.delay, nc)
@@ -117,6 +118,9 @@ def _pade(delay: float, nc: int) -> tuple[Array, Array, Array, Array]:
 def _filters(controller: Controller, nc: int) -> tuple[Array, Array, Array, Array]:
     """State space (n, …) of the filters of nc load pressures."""
     corner, one = controller.corner[:, None, None], np.eye(nc)
+    if not controller.pressure.any():
+        none = np.zeros((len(corner), nc, 0))
+        return none[:, :0], np.swapaxes(none, 1, 2), none, np.zeros((1, nc, nc))
     if controller.filter == "high-pass":  # p − z, ż = ω_c (p − z)
         return -corner * one, corner * one, -np.tile(one, (len(corner), 1, 1)), one[None]
     middle, none = 2 * BAND_WIDTH * corner, np.zeros((len(corner), nc, nc))

@@ -69,13 +69,16 @@ class GainSchedule:
 
 
 @checked
-def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainSchedule:
+def gain_schedule(
+    bandwidths: BandwidthMap, payload: str | None = None, *, feedback: bool = True
+) -> GainSchedule:
     """The gains of a bandwidth map, interpolated over the joints.
 
     Args:
         bandwidths: the map.
         payload: the load case whose gains are taken; None: at each pose the gains of the load case
             with the smallest position gains.
+        feedback: of load pressures, beside position loops; False: of position loops alone.
 
     Raises:
         ArmDesignError: no such load case, or no pose at which it can be controlled.
@@ -96,7 +99,8 @@ def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainS
             fault = "is no load case of the map"
             raise ArmDesignError(f"payload {payload}", fault, choose(payload, cases))
         table = table[table["payload"] == payload]
-    names = [f"{joint}_gain_per_s" for joint in machine.joints]
+    gain = "gain" if feedback else "gain_without_feedback"
+    names = [f"{joint}_{gain}_per_s" for joint in machine.joints]
     names += [f"{one.name}_pressure_gain_m_per_s_bar" for one in machine.actuators]
     table = table[table[names[0]] > 0]
     if table.empty:
@@ -105,10 +109,13 @@ def gain_schedule(bandwidths: BandwidthMap, payload: str | None = None) -> GainS
     least = table[names[: len(machine.joints)]].min(axis=1)
     keys = [table[joint].round(9) for joint in machine.joints]
     table = table.loc[least.groupby(keys).idxmin().to_numpy()]
-    poses, gains = table[list(machine.joints)].to_numpy(), table[[*names, "corner_rad_per_s"]]
+    poses = table[list(machine.joints)].to_numpy()
+    gains = table[[*names, "corner_rad_per_s"]].to_numpy(copy=True)
+    if not feedback:
+        gains[:, len(machine.joints) : -1] = 0.0
     moving = [j for j in range(len(machine.joints)) if np.ptp(poses[:, j]) > 0]
-    of = _interpolated(poses[:, moving], gains.to_numpy(), moving)
-    return GainSchedule(machine, poses, gains.to_numpy(), of, bandwidths)
+    of = _interpolated(poses[:, moving], gains, moving)
+    return GainSchedule(machine, poses, gains, of, bandwidths)
 
 
 def _interpolated(poses: Array, gains: Array, moving: list[int]) -> Callable[[Array], Array]:

@@ -142,12 +142,14 @@ class LoopPlant(ReadOnly):
             omega: frequencies of each pose (n, f) [rad/s].
         """
         (n, f), (poles, outputs, inputs) = omega.shape, self._modal
-        response = np.empty((n, f, outputs.shape[1], inputs.shape[2]), complex)
+        residues = np.swapaxes(outputs, 1, 2)[:, :, :, None] * inputs[:, :, None]
+        response = np.empty((n, f, *residues.shape[2:]), complex)
         step = max(AT_ONCE // f, 1)
         for begin in range(0, n, step):
             rows = slice(begin, begin + step)
             resolvent = 1 / (1j * omega[rows, :, None] - poles[rows, None])
-            response[rows] = (outputs[rows, None] * resolvent[:, :, None]) @ inputs[rows, None]
+            by_mode = residues[rows].reshape(*poles[rows].shape, -1)
+            response[rows] = (resolvent @ by_mode).reshape(response[rows].shape)
         for pose in np.flatnonzero(self._defective):
             matrix = 1j * omega[pose, :, None, None] * np.eye(self.A.shape[1]) - self.A[pose]
             response[pose] = self._outputs @ np.linalg.solve(matrix, self.B[pose].astype(complex))

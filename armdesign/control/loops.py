@@ -23,7 +23,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.margins import balanced_norm, exceeds, invert
+from armdesign.control.margins import exceeds, invert, largest_norm
 from armdesign.simulation.plant.compiled import borrowing, compiled
 
 HALF = math.sqrt(0.5)  # −3 dB
@@ -228,34 +228,33 @@ def _write_holds(
 
 @compiled
 def _write_figures(loops: LoopArguments, omega: Array, figures: LoopFigures) -> None:
-    nq, nc = loops.positions.shape[2], loops.positions.shape[3]
-    opened, S_c = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
-    closed, S = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
+    count, nq, nc = loops.positions.shape[1:]
+    opened, closed = np.empty((nc, nc), np.complex128), np.empty((nq, nq), np.complex128)
+    S_c, S = np.empty((count, nc, nc), np.complex128), np.empty((count, nq, nq), np.complex128)
     for pose in range(len(omega)):
-        last, last_command, floor = np.ones(nq), np.ones(nq), np.zeros(2)
+        last, last_command = np.ones(nq), np.ones(nq)
         figures.bandwidth[pose], figures.command_bandwidth[pose] = 0.0, 0.0
         figures.loop_margins[pose] = np.inf
-        for f in range(omega.shape[1]):
-            close_loops(loops, pose, f, opened, S_c, closed, S)
-            for i in range(nc):
-                S_c[i, i] -= 0.5
-            figures.peak[pose] = balanced_norm(S, figures.peak[pose])
+        for f in range(count):
+            close_loops(loops, pose, f, opened, S_c[f], closed, S[f])
             for i in range(nq):
                 track = closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
                 for size, sizes, widths in (
-                    (abs(1 - S[i, i]), last, figures.bandwidth[pose]),
+                    (abs(1 - S[f, i, i]), last, figures.bandwidth[pose]),
                     (abs(track), last_command, figures.command_bandwidth[pose]),
                 ):
                     if widths[i] == 0.0 and size < HALF:
                         widths[i] = crossing(omega[pose], f, sizes[i], size, HALF)
                     sizes[i] = size
-                both = abs(S[i, i] - 0.5)
+                both = abs(S[f, i, i] - 0.5)
                 figures.loop_margins[pose, i] = min(figures.loop_margins[pose, i], 1 / both)
-            for i in range(nq):
-                S[i, i] -= 0.5
-            floor[0] = balanced_norm(S_c, floor[0])
-            floor[1] = balanced_norm(S, floor[1])
-        figures.command_margin[pose], figures.position_margin[pose] = 1 / floor[0], 1 / floor[1]
+        figures.peak[pose] = largest_norm(S)
+        for i in range(nq):
+            S[:, i, i] -= 0.5
+        for i in range(nc):
+            S_c[:, i, i] -= 0.5
+        figures.command_margin[pose] = 1 / largest_norm(S_c)
+        figures.position_margin[pose] = 1 / largest_norm(S)
         for i in range(nq):
             for widths in (figures.bandwidth[pose], figures.command_bandwidth[pose]):
                 if widths[i] == 0.0:

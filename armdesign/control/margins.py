@@ -36,9 +36,19 @@ def disk_margin_for(gain_db: float, phase: float) -> float:
         raise ArmDesignError("gain margin", f"{gain_db:g} dB", "give more than 0 dB, as 6")
     if not 0 < phase < math.pi / 2:
         fault = f"{phase / deg:g} deg is not between 0 and 90 deg"
-        raise ArmDesignError("phase margin", fault, "give one as 45 deg")
-    factor = 10 ** (gain_db / 20)
-    return max(2 * (factor - 1) / (factor + 1), 2 * math.tan(phase / 2))
+        in_python = ", in Python 45 * deg = 0.785" if phase / deg > 90 else ""
+        raise ArmDesignError("phase margin", fault, f"give one as 45 deg{in_python}")
+    return max(of_gain_margin(gain_db), of_phase_margin(phase))
+
+
+def of_gain_margin(gain_db: float) -> float:
+    """The balanced disk margin that guarantees a gain margin [dB]: 2 (g − 1)/(g + 1)."""
+    return 2 * math.tanh(gain_db * math.log(10) / 40)
+
+
+def of_phase_margin(phase: float) -> float:
+    """The balanced disk margin that guarantees a phase margin [rad]."""
+    return 2 * math.tan(phase / 2)
 
 
 def gain_margin_db(margin: Array | float) -> Array:
@@ -62,6 +72,22 @@ def balanced_norm(matrix: Array, floor: float) -> float:
 
 
 @compiled
+def largest_norm(matrices: Array) -> float:
+    """The largest μ(X) of matrices (f, m, m)."""
+    worst, most = 0, 0.0
+    for f in range(len(matrices)):
+        squares = 0.0
+        for value in matrices[f].ravel():
+            squares += value.real**2 + value.imag**2
+        if squares > most:
+            worst, most = f, squares
+    norm = balanced_norm(matrices[worst], 0.0)  # hardly any other exceeds it
+    for f in range(len(matrices)):
+        norm = balanced_norm(matrices[f], norm)
+    return norm
+
+
+@compiled
 def exceeds(matrix: Array, limit: float, square: Array) -> bool:
     """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in ``square``."""
     m, total = len(matrix), 0.0
@@ -70,10 +96,15 @@ def exceeds(matrix: Array, limit: float, square: Array) -> bool:
             total += matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
     if total <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
         return False
-    squares, scale = np.empty((m, m)), np.ones(m)
+    squares, scale, sums = np.empty((m, m)), np.ones(m), np.zeros((2, m))
     for i in range(m):
         for j in range(m):
             squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
+            magnitude = math.sqrt(squares[i, j])
+            sums[0, i] += magnitude
+            sums[1, j] += magnitude
+    if sums[0].max() * sums[1].max() <= limit * limit:  # σ_max² ≤ ‖X‖_∞ ‖X‖_1
+        return False
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
             row, column = 1e-300, 1e-300

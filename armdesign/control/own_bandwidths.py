@@ -16,6 +16,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.control.map_parts import ControlOptions, MapPart
 from armdesign.control.own_gains import OwnGains, neighbours
+from armdesign.control.position_gains import individual
 from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
 PASSES, FEW = 3, 20  # over all poses, forwards and backwards in turn; changes at each
@@ -26,9 +27,10 @@ FAINT = 1e-3  # κ and η from which a search begins where there are none
 
 @dataclass
 class Schemes:
-    """Controllers of n poses: proportional, damped and own."""
+    """Controllers of n poses: proportional, individual, damped and own."""
 
     proportional: Tuned
+    individual: Tuned
     damped: Tuned
     own: Tuned
     start: Array  # logarithms of common gains (n, nq + nc)
@@ -38,6 +40,7 @@ class Schemes:
     def of(cls, task: Task) -> Schemes:
         """Of a task, each pose searched a little."""
         simple = proportional(task)
+        alone = individual(task, simple)
         common = damped(task).or_wider(simple)
         start = _logarithms(task, common)
         found, near = OwnGains(task), neighbours(task.plant.q)
@@ -45,8 +48,8 @@ class Schemes:
             rows = np.arange(len(start))
             rows = rows[::-1].copy() if number % 2 else rows
             found.improve(rows, start[:, None], near, _noise(number, FEW, start.shape[1]))
-        own = safe(task, found.controller(task)).or_wider(common)
-        return cls(simple, common, own, start, _logarithms(task, own))
+        own = safe(task, found.controller(task)).or_wider(common).or_wider(alone)
+        return cls(simple, alone, common, own, start, _logarithms(task, own))
 
 
 def schemes(parts: Sequence[MapPart], options: ControlOptions) -> list[Schemes | None]:

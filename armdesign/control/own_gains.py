@@ -1,4 +1,4 @@
-"""Gains of their own for each loop, searched by a compiled evolution strategy.
+"""Gains of their own with pressure feedback, searched by a compiled evolution strategy.
 
 The search of a pose begins at the best of some starts and of what its neighbours have found, and
 goes on by a (1+1)-CMA-ES (Igel, Suttorp, Hansen 2006): one random change of the logarithms of all

@@ -97,8 +97,8 @@ class Task:
         0 where it is not larger than the ``least`` that is of interest (n,).
         """
         n, highest = len(least), np.full(len(least), LARGEST)
-        if eta == 0:  # beyond Merritt's bound another band may seem to be stable
-            highest = np.minimum(highest, BOUND * self.plant.damping[:, 0])
+        if eta == 0:
+            highest = self._highest
         low, high = np.clip(least, SMALLEST * highest, highest), highest
         rows = self._holding(low, eta, np.arange(n))
         low[np.setdiff1d(np.arange(n), rows)] = 0.0
@@ -107,6 +107,21 @@ class Task:
             raised = np.isin(np.arange(n), self._holding(middle, eta, rows))
             low, high = np.where(raised, middle, low), np.where(raised, high, middle)
         return low
+
+    @property
+    def _highest(self) -> Array:
+        """κ of position loops alone (n,) beyond which another band may seem to be stable."""
+        return np.minimum(LARGEST, BOUND * self.plant.damping[:, 0])
+
+    @property
+    def highest_alone(self) -> Array:
+        """κ (n,) that no position loop alone exceeds: it would be unstable at every mode."""
+        decay = self.plant.damping * self.plant.frequencies / self.plant.frequencies[:, :1]
+        return np.minimum(LARGEST, BOUND * decay.max(axis=1))
+
+    def smallest(self) -> Controller:
+        """The controllers (n,) of the smallest gains that are tried: of position loops alone."""
+        return self.common(SMALLEST * self._highest, 0.0)
 
     def _holding(self, kappa: Array, eta: float, rows: Array) -> Array:
         return rows[self.loops.holds(self.common(kappa, eta), self.aim.margin, rows)]
@@ -194,32 +209,42 @@ def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
     return sound
 
 
-def safe(task: Task, controller: Controller) -> Tuned:
+def safe(task: Task, controller: Controller, least: Controller | None = None) -> Tuned:
     """The controllers with gains reduced where need be, and figures of their loops."""
-    kept = settled(task, controller)
+    kept = settled(task, controller, least)
     return Tuned(kept, task.loops.figures(kept))
 
 
-def settled(task: Task, controller: Controller) -> Controller:
+def settled(task: Task, controller: Controller, least: Controller | None = None) -> Controller:
     """The controllers with gains reduced until margin and stability hold on a fine grid.
 
-    The fine grid has frequencies at the resonances of the closed loops. Where no reduction is
-    enough all gains are 0.
+    The fine grid has frequencies at the resonances of the closed loops. Gains are reduced towards
+    those of controllers that hold, ``least`` (None: 0), which remain where no reduction is enough.
     """
+    least = least or task.controller(*map(np.zeros, task.shapes))
     poles = np.linalg.eigvals(closed_loop(task.plant, controller)[0])
     loops, share = Loops.of(task.plant, FINE, poles), np.zeros(len(poles))
-    rows = np.flatnonzero(controller.position.any(axis=1))
+    rows, decays = np.flatnonzero(controller.position.any(axis=1)), _decays(task.plant, poles)
     for tried in RETREATS:
-        position, pressure = tried * controller.position, tried * controller.pressure
-        less = replace(controller, position=position, pressure=pressure)
+        less = _between(least, controller, np.full(len(share), tried))
         rows_kept = rows[loops.holds(less, task.aim.margin, rows)]
-        rows_kept = rows_kept[stable(task.plant[rows_kept], less[rows_kept])]
+        if tried < 1:
+            decays[rows_kept] = stable(task.plant[rows_kept], less[rows_kept])
+        rows_kept = rows_kept[decays[rows_kept]]
         share[rows_kept] = tried
         rows = np.setdiff1d(rows, rows_kept)
         if len(rows) == 0:
             break
-    position, pressure = (share[:, None] * x for x in (controller.position, controller.pressure))
-    return replace(controller, position=position, pressure=pressure)
+    return _between(least, controller, share)
+
+
+def _between(least: Controller, most: Controller, share: Array) -> Controller:
+    """Controllers whose gains are a share (n,) of the way from the least to the most."""
+    position, pressure = (
+        low + share[:, None] * (high - low)
+        for low, high in ((least.position, most.position), (least.pressure, most.pressure))
+    )
+    return replace(most, position=position, pressure=pressure)
 
 
 def stable(plant: LoopPlant, controller: Controller) -> Flags:

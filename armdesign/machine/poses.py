@@ -209,6 +209,7 @@ def own_joints(moment_arms: Array) -> Array | None:
     return np.asarray(used.argmax(axis=1)) if alone else None
 
 
+DEAD_CENTRE_STEPS = np.geomspace(0.001, 0.25, 9)  # of a joint's range, beside a dead centre
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 
 
@@ -254,10 +255,27 @@ def refuse_unreachable(machine: Machine, poses: Poses) -> None:
             remedy = f"stay in the range of {_range_text(machine, linkage)}"
             fault = f"length {length[out][0]:.4f} m is outside its stroke {where}"
             raise PoseError(part, fault, f"{remedy} or change stroke and pins")
-    if np.any(singular := is_singular(poses.moment_arms[..., : len(machine.joints)])):
-        where = pose_text(machine, poses.q[singular][0])
-        fault = f"singular at {where}: a cylinder is at its dead centre"
-        raise PoseError(f"{machine.name}: pose", fault, "avoid it")
+    arms = poses.moment_arms[..., : len(machine.joints)]
+    if np.any(singular := is_singular(arms)):
+        raise _singular(machine, poses.q[singular][0], arms[singular][0])
+
+
+def _singular(machine: Machine, q: Array, arms: Array) -> PoseError:
+    """A pose (nq,) with a free motion, by its moment arms (nc, nq), and the nearest without."""
+    j = int(np.abs(np.linalg.svd(arms)[2][-1]).argmax())
+    joint, steps = machine.arm.joints[j], DEAD_CENTRE_STEPS * np.ptp(machine.ranges[j])
+    near = np.tile(q, (2 * len(steps), 1))
+    near[:, j] += np.stack([steps, -steps], axis=1).ravel()
+    around = machine.evaluate(machine.rigid_poses(near))
+    held = ~is_singular(around.moment_arms[..., : len(q)])
+    held &= (machine.margins(near) >= 0).all(axis=1)
+    remedy = "choose another pose"
+    if held.any():
+        remedy = f"the nearest pose that is not: {pose_text(machine, near[held.argmax()])}"
+    fault = (
+        f"singular at {pose_text(machine, q)}: a cylinder of {joint.name} is at its dead centre"
+    )
+    return PoseError(f"{machine.name}: pose", fault, remedy)
 
 
 def refuse_toppling(machine: Machine, poses: Poses) -> None:

@@ -30,9 +30,13 @@ BANDWIDTH = "bandwidth of narrowest loop [Hz]"
 GAIN = "position gain [1/s]"
 TITLES = {
     "proportional": "position loops alone",
+    "individual": "position loops alone,\nown gains",
     "damped": "+ pressure feedback,\ncommon gains",
     "own": "+ pressure feedback,\nown gains",
 }
+
+
+MAPPED = ("proportional", "damped", "own")  # the individual map hardly differs: slowest loops
 
 
 @literal
@@ -46,7 +50,7 @@ def bandwidth_map(
     Args:
         bandwidths: the map.
         ax: axes to draw into; new ones if None.
-        scheme: "proportional", "damped" or "own".
+        scheme: "proportional", "individual", "damped" or "own".
         limits: ``vmin`` and ``vmax`` [Hz] of the colours, which are logarithmic.
 
     Returns:
@@ -79,11 +83,11 @@ def bandwidth_map(
 
 @literal
 def bandwidth_maps(bandwidths: BandwidthMap) -> Figure:
-    """Figure of all controllers of a map in a row, on one colour scale."""
-    values = np.concatenate([_least(bandwidths, scheme)[2].ravel() for scheme in TITLES])
+    """Figure of the controllers of a map in a row, on one colour scale."""
+    values = np.concatenate([_least(bandwidths, scheme)[2].ravel() for scheme in MAPPED])
     low, high = float(values[values > 0].min()), float(np.nanmax(values))
-    fig, axes = figure(len(TITLES), 5.6, 6.6)
-    for ax, scheme in zip(axes, TITLES, strict=True):
+    fig, axes = figure(len(MAPPED), 5.6, 6.6)
+    for ax, scheme in zip(axes, MAPPED, strict=True):
         bandwidth_map(bandwidths, ax, scheme, vmin=low, vmax=high)
         if len(drawn_joints(bandwidths.machine)) == 1:
             ax.set_ylim(0.8 * low, 2 * high)

@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 NAMES = {
     "proportional": "position loops alone",
+    "individual": "position loops alone, own gains",
     "damped": "+ pressure feedback, common gains",
     "own": "+ pressure feedback, own gains",
 }
-SEARCHED = "; own gains are searched: a lower bound"
+SEARCHED = "; own gains with pressure feedback are searched: a lower bound"
 
 
 def bandwidth_report(
@@ -106,26 +107,16 @@ def bandwidth_sentence(maps: Mapping[str, BandwidthMap]) -> str:
 
 
 def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
-    """Bandwidth and tracking error of every controller, with and without feed-forward."""
+    """What every controller reaches, with and without feed-forward."""
     rows = []
     for label, bandwidths in maps.items():
-        works = bandwidths.frame[bandwidths.frame["works"]]
         for scheme, name in NAMES.items():
             case = f"{label}: {name}" if len(maps) > 1 else name
-            worst, tracking = bandwidths.worst(scheme), works[f"{scheme}_tracking_s"].max()
-            hertz, at_softest = works[f"{scheme}_hz"], bandwidths.softest[f"{scheme}_hz"]
-            cells = [f"{value:.3g}" for value in (hertz.min(), hertz.median(), at_softest)]
-            peak = f"{worst[f'{scheme}_peak']:.2f}" if worst[f"{scheme}_hz"] else "–"
-            rows.append((case, *cells, _seconds(tracking), peak))
-            command = works[f"{scheme}_command_hz"]
-            at_softest = bandwidths.softest[f"{scheme}_command_hz"]
-            cells = [f"{value:.3g}" for value in (command.min(), command.median(), at_softest)]
-            rows.append(("    with feed-forward", *cells, _seconds(GAIN_ERROR * tracking), "″"))
-    first = next(iter(maps.values()))
-    margin = first.options.aim.margin
-    damping = first.options.damping
+            rows += [(case, *_reached(bandwidths, scheme)), _with_feed_forward(bandwidths, scheme)]
+    options = next(iter(maps.values())).options
+    margin, damping = options.aim.margin, options.damping
     source = "the file's" if damping is None else f"stated, {damping:g} in every mode"
-    delay = f", delay {1e3 * first.options.delay:g} ms" if first.options.delay else ""
+    delay = f", delay {1e3 * options.delay:g} ms" if options.delay else ""
     return Sheet(
         title=f"{title}: bandwidth of the narrowest loop [Hz]",
         columns=(
@@ -133,19 +124,50 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
             "worst",
             "median",
             "at lowest f",
+            "widest loop",
             "error of a move [s]",
+            "settles [s]",
             "peak of S",
         ),
         rows=tuple(rows),
         note=(
             f"all loops closed at once, balanced disk margin {margin:.3f} of all together:"
             f" {float(gain_margin_db(margin)):.1f} dB,"
-            f" {float(phase_margin(margin)) / deg:.0f} deg; damping: {source}{delay}; error of a"
-            " move at constant speed is that speed times the seconds, at the worst pose; with"
+            f" {float(phase_margin(margin)) / deg:.0f} deg; damping: {source}{delay}; widest loop:"
+            " bandwidth at the median pose; error of a move at constant speed is that speed times"
+            " the seconds, settles: within 2 % of a step, both at the worst pose; with"
             f" feed-forward: bandwidth of commands, the valve's gain known within"
             f" {100 * GAIN_ERROR:.0f} %, the rest of the loop as without{_note(maps)}"
         ),
     )
+
+
+def _reached(bandwidths: BandwidthMap, scheme: str) -> tuple[str, ...]:
+    """Bandwidths of a controller, its error of a move, time to settle and peak of S."""
+    works, worst = bandwidths.frame[bandwidths.frame["works"]], bandwidths.worst(scheme)
+    loops = works[[f"{scheme}_{joint}_hz" for joint in bandwidths.machine.joints]]
+    peak = f"{worst[f'{scheme}_peak']:.2f}" if worst[f"{scheme}_hz"] else "–"
+    return (
+        *_least_and_median(bandwidths, f"{scheme}_hz"),
+        f"{loops.max(axis=1).median():.3g}",
+        _seconds(works[f"{scheme}_tracking_s"].max()),
+        _seconds(works[f"{scheme}_settling_s"].max()),
+        peak,
+    )
+
+
+def _with_feed_forward(bandwidths: BandwidthMap, scheme: str) -> tuple[str, ...]:
+    """The row of a controller with feed-forward: bandwidth of commands, error of a move."""
+    error = GAIN_ERROR * bandwidths.frame.loc[bandwidths.frame["works"], f"{scheme}_tracking_s"]
+    commands = _least_and_median(bandwidths, f"{scheme}_command_hz")
+    return ("    with feed-forward", *commands, "", _seconds(error.max()), "″", "″")
+
+
+def _least_and_median(bandwidths: BandwidthMap, column: str) -> list[str]:
+    """A bandwidth at its worst pose, at the median one and at that of the lowest frequency."""
+    hertz = bandwidths.frame.loc[bandwidths.frame["works"], column]
+    values = hertz.min(), hertz.median(), bandwidths.softest[column]
+    return [f"{value:.3g}" for value in values]
 
 
 def _note(maps: Mapping[str, BandwidthMap]) -> str:
@@ -166,7 +188,10 @@ def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:
     rows = [("lowest frequency", *_row_of(bandwidths, bandwidths.softest, units))]
     for scheme, name in NAMES.items():
         rows.append((f"worst, {name}", *_row_of(bandwidths, bandwidths.worst(scheme), units)))
-    note = "f: lowest natural frequency; ζ: its damping; own: bandwidth with own gains"
+    note = (
+        "f: lowest natural frequency; ζ: its damping; own, settles: with pressure feedback and own"
+        " gains"
+    )
     note += _hardly_damped(bandwidths)
     works = bandwidths.frame["works"]
     unworkable = int((~works).sum())
@@ -190,6 +215,8 @@ def _hardly_damped(bandwidths: BandwidthMap) -> str:
     if worst["bounding_damping"] < worst["damping"]:
         words = f"; what bounds position loops at their worst pose is {_bounding(worst)}"
     for scheme, name in NAMES.items():
+        if scheme == "individual":  # lost with the common gain
+            continue
         lost = frame[frame["works"] & (frame[f"{scheme}_hz"] == 0)]
         if len(lost):
             decay = lost["bounding_hz"] * lost["bounding_damping"]

@@ -37,7 +37,8 @@ Openings: TypeAlias = ArrayLike | Mapping[str, float] | None
 ROUNDS = 60
 EXACT_FLOW = 1e-6  # of the pump's flow
 EXACT = 1e-12  # change of the pistons' speeds, relative
-SHARES = 64  # of a motion that cannot be, of which the largest that can is told
+# Shares of a motion that cannot be, evenly and below; of which the largest that can is told.
+SHARES, LEAST_SHARE = 64, 1e-4
 
 
 class OperatingPoints(NamedTuple):
@@ -154,8 +155,9 @@ def _impossible(
     plant: Plant, pose: Poses, motion: Motion, preloaded: bool | None, why: str
 ) -> SimulationError:
     """Why a motion at one pose is beyond what the machine can do, and what share of it is not."""
-    rows = np.zeros(SHARES, dtype=int)
-    shares = np.arange(1, SHARES + 1)[:, None] / SHARES
+    even = np.arange(1, SHARES + 1) / SHARES
+    shares = np.append(np.geomspace(LEAST_SHARE, even[0], SHARES, endpoint=False), even)[:, None]
+    rows = np.zeros(len(shares), dtype=int)
     possible = _Steady(plant, pose[rows], motion.of(rows, shares), preloaded).possible
     machine, remedy = plant.machine, "choose another direction, pose or load case"
     if possible.any():

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import re
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,7 @@ from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import FINE, Loops
 from armdesign.control.tuning import Aim, Task, proportional, stable
 from armdesign.report.bandwidths import bandwidth_sheets
+from armdesign.units import deg
 from tests.control.machines import single_pose
 
 MARGIN = 0.8284271
@@ -126,12 +130,29 @@ def test_a_missing_valve_is_said() -> None:
         ad.bandwidth_map(bare, damping=0.02)
 
 
-def test_a_margin_that_no_gains_keep_is_said() -> None:
-    machine = ad.load("paper_1dof")
-    workspace = ad.Workspace.grid(machine, points=3)
-    margins = {"gain_margin_db": 120.0, "phase_margin": 1.5707}
-    with pytest.raises(ad.ArmDesignError, match=r"no gains keep 120 dB.*ask for less, as 6 dB"):
-        ad.bandwidth_map(machine, workspace, damping=0.02, **margins)
+@pytest.mark.parametrize(
+    ("name", "asked", "option"),
+    [
+        ("paper_1dof", {"gain_margin_db": 120.0}, "--gain-margin"),
+        ("paper_1dof", {"phase_margin": 89.9999 * deg}, "--phase-margin"),
+        ("excavator_20t", {"gain_margin_db": 1e5}, "--gain-margin"),
+    ],
+)
+def test_a_margin_that_no_gains_keep_is_said_with_the_largest_that_some_keep(
+    name: str, asked: dict[str, float], option: str
+) -> None:
+    """What is told can be asked for, and half as far from the limit of disk margins, 2, cannot."""
+    machine = ad.load(name)
+    workspace = ad.Workspace.grid(machine, points=2)
+    with pytest.raises(ad.ArmDesignError, match=f"no gains keep .* as {option} ") as caught:
+        ad.bandwidth_map(machine, workspace, damping=0.02, **asked)
+    (key,) = asked
+    told = float(re.search(rf"{key}=([\d.]+)", str(caught.value))[1])
+    again = ad.bandwidth_map(machine, workspace, damping=0.02, **{key: told})
+    assert 0 < again.frame["own_hz"].max() < 1e-3
+    closer = {"gain_margin_db": told + 6, "phase_margin": (told + math.pi / 2) / 2}
+    with pytest.raises(ad.ArmDesignError, match="no gains keep"):
+        ad.bandwidth_map(machine, workspace, damping=0.02, **{key: closer[key]})
 
 
 @pytest.mark.parametrize(

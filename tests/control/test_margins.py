@@ -18,6 +18,7 @@ from armdesign.control.margins import (
     disk_margin_for,
     exceeds,
     gain_margin_db,
+    largest_norm,
     phase_margin,
 )
 from armdesign.units import deg
@@ -36,6 +37,17 @@ def matrices(size: int, count: int = 50) -> Array:
 def structured_norm(matrices: Array) -> Array:
     """μ (n,) of complex matrices (n, m, m)."""
     return np.array([balanced_norm(np.ascontiguousarray(matrix), 0.0) for matrix in matrices])
+
+
+def test_the_largest_norm_is_that_of_each_matrix_alone() -> None:
+    """Also where most of them are next to diagonal, as sensitivities are: bounds skip these."""
+    for size in (1, 2, 3, 4):
+        some = matrices(size)
+        near = np.eye(size) * (1 + 0.1j) + 0.05 * some
+        for stack in (some, near, np.concatenate([near, 0.3 * some])):
+            assert largest_norm(stack) == pytest.approx(structured_norm(stack).max(), rel=1e-12)
+            sizes = np.linalg.svd(stack, compute_uv=False)[:, 0]
+            assert structured_norm(stack).max() <= sizes.max() * (1 + 1e-12)
 
 
 def test_6_db_and_45_deg_need_0_828() -> None:

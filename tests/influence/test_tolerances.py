@@ -7,6 +7,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.frequency.modes import lowest_frequency
+from armdesign.influence.changes import changed_machine
 from armdesign.influence.family import rebuilt
 from armdesign.influence.widths import family_of, widths_of
 from tests import machines
@@ -202,6 +203,14 @@ def test_bad_widths_are_one_line(widths: str, words: str) -> None:
 def test_bad_options_are_one_line(options: dict[str, float], words: str) -> None:
     with pytest.raises(ad.ArmDesignError, match=words):
         ad.tolerances(toleranced("paper_1dof", "pin_mm = 1"), **options)
+
+
+def test_a_file_without_tolerances_takes_a_width_by_its_key_path() -> None:
+    """As the refusal of a file without widths says."""
+    written = ad.load("paper_1dof").replace({"tolerances.pin_mm": 0.5})
+    changed = changed_machine(ad.load("paper_1dof"), {"tolerances.pin_mm": 0.5}, "--set")
+    assert written.section == changed.section
+    assert len(ad.tolerances(changed, count=16).values) == 16
 
 
 def test_key_paths_need_no_quotes() -> None:

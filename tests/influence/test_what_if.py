@@ -160,6 +160,7 @@ BAD = [
     (["cylinder.boom=3"], "is a table; name one of its numbers"),
     (["cylinder.boom.base.at_mm.3=5"], "did you mean"),
     (["cylinder.boom.rod_mm=130"], "does not fit the bore"),
+    (["tolerances.pins_mm=1"], 'there is no such width; did you mean "pin_mm"?'),
     (["nothing.at.all=1"], "has no such number; did you mean"),
 ]
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import armdesign as ad
+from armdesign.errors import PoseError
 from tests import machines
 from tests.machine.file.bad_files import EXCAVATOR, assert_clear
 
@@ -56,6 +59,26 @@ def test_a_pose_out_of_stroke_says_how_far_and_where_to_stay() -> None:
     )
     with pytest.raises(ad.ArmDesignError, match=message):
         EXCAVATOR.at(q)
+
+
+def test_a_singular_pose_says_which_one_near_it_is_not() -> None:
+    """At the dead centre, where the length of the cylinder is least, on either side of it."""
+    strokes = {"cylinder.lift.closed_length_mm": 740, "cylinder.lift.stroke_mm": 600}
+    machine = ad.load("patu_boom").replace(strokes)
+
+    def arm(q: float) -> float:
+        return float(machine.evaluate(machine.rigid_poses([[q]])).moment_arms[0, 0, 0])
+
+    dead = brentq(arm, -1.2, -0.9, xtol=1e-15)
+    message = (
+        r"singular at boom .* cylinder of boom .*; the nearest pose that is not: boom (\S+) rad"
+    )
+    with pytest.raises(PoseError, match=message) as caught:
+        machine.at([dead])
+    assert_clear(str(caught.value))
+    near = float(re.search(message, str(caught.value))[1])
+    assert 0 < abs(near - dead) < 0.01 * np.ptp(machine.ranges)
+    assert abs(machine.at([near]).moment_arms[0, 0, 0]) > 1e-6
 
 
 def test_an_open_four_bar_says_so() -> None:

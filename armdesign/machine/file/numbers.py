@@ -12,7 +12,7 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.file.key_paths import Location, allowed, annotation, bounds, unit_of
-from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection
+from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, TolerancesSection
 from armdesign.machine.file.section import Section
 
 # natural steps by the unit of a key; of all others a tenth of the value
@@ -119,9 +119,12 @@ def _unknown(path: str, known: list[str]) -> tuple[str, str]:
     if kind is not None and not leaf.isdigit():
         if kind is not float:
             return "is no number that can vary", f"name one such as {_nearest(path, known)}"
-        share = table.rpartition(".")[2] in BY_ACTUATOR  # one number there, or none, is for all
+        # one number there, or none, is for all
+        share = table == "tolerances" or table.rpartition(".")[2] in BY_ACTUATOR
         if share or any(name.rpartition(".")[0] == table for name in known):
             return "has no value in the file", f"write one first: {limits}"
+    if location[0] == "tolerances":
+        return "there is no such width", choose(leaf, list(TolerancesSection.model_fields))
     alike = [name for name in known if name.rpartition(".")[2] == leaf]
     remedy = choose(path, alike) if alike else choose(path, known)
     if len(remedy) > 200:
