@@ -235,20 +235,22 @@ class Arm:
         """Joint frames in the world at q (n, nq): rotation, translation and axis (n, k, …)."""
         q = self.with_springs(q)
         n, k = q.shape
-        rotation, translation = np.empty((n, k, 3, 3), q.dtype), np.empty((n, k, 3), q.dtype)
-        axis = np.empty((n, k, 3), q.dtype)
-        turns: dict[int, Array] = {}  # each in one piece of memory
+        # each joint's in one piece of memory
+        rotation, translation = np.empty((k, n, 3, 3), q.dtype), np.empty((k, n, 3), q.dtype)
+        axis = np.empty((k, n, 3), q.dtype)
         for index in self.outwards:
             joint = self.coordinates[index]
-            before, local = turns.get(joint.parent), joint.turned_by(q[:, index])
-            turns[index] = turn = local if before is None else before @ local
-            rotation[:, index], axis[:, index] = turn, turned(turn, joint.axis)
-            foot = joint.translation
-            if before is not None:
-                foot = translation[:, joint.parent] + turned(before, foot)
-            slide = 0.0 if joint.revolute else q[:, index, None] * axis[:, index]
-            translation[:, index] = foot + slide
-        return rotation, translation, axis
+            local, foot = joint.turned_by(q[:, index]), joint.translation
+            if joint.parent < 0:
+                rotation[index], translation[index] = local, foot
+            else:
+                before = rotation[joint.parent]
+                np.matmul(before, local, out=rotation[index])
+                np.add(translation[joint.parent], turned(before, foot), out=translation[index])
+            axis[index] = turned(rotation[index], joint.axis)
+            if not joint.revolute:
+                translation[index] += q[:, index, None] * axis[index]
+        return rotation.swapaxes(0, 1), translation.swapaxes(0, 1), axis.swapaxes(0, 1)
 
     def kinematics(self, q: Array) -> RigidPoses:
         """Placements at q (n, nq), with zeros for inertia and gravity: geometry alone."""
