@@ -68,7 +68,7 @@ def lowest_bound(dual: LagrangianDual) -> float:
     """
     reached = max(dual.reached, 0.0)
     enough, plenty = reached * (1 + ENOUGH) ** 2, reached * (1 + PLENTY) ** 2
-    regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS, plenty)]
+    regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS, plenty, enough)]
     looked = 1
     while looked < REGIONS and math.isfinite(regions[0].bound) and regions[0].bound > enough:
         if (cut := _cut(regions[0])) is None:
@@ -82,8 +82,11 @@ def lowest_bound(dual: LagrangianDual) -> float:
     return max(max(r.bound, certified(r.proof)) if r.proof else math.inf for r in regions)
 
 
-def _refined(region: Region, rounds: int, enough: float) -> Region:
-    """The region with better multipliers, until they are close or the bound is low enough."""
+def _refined(region: Region, rounds: int, enough: float, fair: float = -math.inf) -> Region:
+    """The region with better multipliers, until they are close or the bound is low enough.
+
+    A ``fair`` bound ends them too, where less than half of its gap can still be closed.
+    """
     dual = region.dual
     for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else rounds):
         try:
@@ -96,7 +99,7 @@ def _refined(region: Region, rounds: int, enough: float) -> Region:
         region = replace(region, multipliers=multipliers, maxima=maxima)
         region = region.improved(dual, multipliers, maxima)
         bound = region.bound
-        close = max(CLOSE, NEARER * (mixed - dual.reached))
+        close = max(CLOSE, (1.0 if bound <= fair else NEARER) * (mixed - dual.reached))
         reached = all(math.isfinite(most.value) for most in maxima)
         if bound <= enough or bound - mixed < close or not reached:
             break
