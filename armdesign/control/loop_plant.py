@@ -35,6 +35,8 @@ from armdesign.simulation.plant.hydraulics import actuators_of
 from armdesign.units import bar
 
 INDEPENDENT = 1e9  # condition of eigenvectors that lose no more than half of the digits
+LEAKING = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours
+CREEPING = 2.0  # times the rate at which pressures creep apart with no loop closed
 AT_ONCE = 30_000  # frequencies, of all poses: their matrices stay below 100 MB
 
 
@@ -104,6 +106,11 @@ class LoopPlant(ReadOnly):
         a quarter of an hour or more, that moves nothing.
         """
         return np.asarray(self._eigen[0].real.max(axis=1).clip(0.0))
+
+    @cached_property
+    def fastest_creep(self) -> Array:
+        """Real part of poles (n,) [1/s] up to which pressures creep: no loop is the cause."""
+        return np.asarray(LEAKING * self.omega + CREEPING * self.creep)
 
     def valve(self, s: Array) -> Array:
         """Response of spool and delay (…, nc) at complex frequencies s (…) [rad/s]."""

@@ -19,7 +19,8 @@ CREEP = 1e-6  # [ω_1] poles of pressures that move nothing
 def settling_time(plant: LoopPlant, controller: Controller) -> Array:
     """Settling time (n,) [s] of the slowest pole that a step of any joint shows; inf if unstable.
 
-    A pole λ shows with its residue C v w B/λ, v and w its right and left eigenvectors.
+    A pole λ shows with its residue C v w B/λ, v and w its right and left eigenvectors. Pressures
+    that creep apart of themselves, to the right, do not count.
     """
     A, B, C = closed_loop(plant, controller)
     poles, right = np.linalg.eig(A)
@@ -30,6 +31,7 @@ def settling_time(plant: LoopPlant, controller: Controller) -> Array:
     counts = np.abs(poles) > CREEP * plant.omega[:, None]
     residues = (C @ right)[:, :, :] * np.swapaxes(left, 1, 2)  # (n, nq, m): own response
     shown = np.abs(residues / np.where(counts, poles, 1.0)[:, None]).max(axis=1) > NOTABLE
+    counts &= (poles.real < 0) | (poles.real > plant.fastest_creep[:, None])
     slowest = np.where(shown & counts, poles.real, -np.inf).max(axis=1)
     with np.errstate(divide="ignore"):
         return np.asarray(np.where(slowest < 0, math.log(1 / WITHIN) / -slowest, np.inf))
@@ -38,18 +40,16 @@ def settling_time(plant: LoopPlant, controller: Controller) -> Array:
 def tracking_error(plant: LoopPlant, controller: Controller) -> Array:
     """Error of a move of each joint at constant speed over that speed (n, nq) [s].
 
-    (I − T(s))/s of a move that lasts some ten time constants 1/K, so that leakage, which drifts
-    for hours, does not count: 1/K, and what gravity's stiffness and the filters add. Without
-    feed-forward; inf without gains.
+    s/(1 − T(s)) of a reference that swings with some ten time constants 1/K, so that leakage,
+    which drifts for hours, does not count; its real part is K, less what gravity's stiffness and
+    the filters take. Without feed-forward; inf without gains.
     """
     A, B, C = closed_loop(plant, controller)
     slowest = np.where(controller.position > 0, controller.position, np.inf).min(axis=1)
-    s = SLOW * np.where(np.isfinite(slowest), slowest, 1.0)
-    inverse = []
-    for at in (s, 2 * s):
-        matrix = at[:, None, None] * np.eye(A.shape[1]) - A
-        followed = np.einsum("nii->ni", C @ np.linalg.solve(matrix, B))
-        inverse.append(at[:, None] / np.maximum(np.abs(1 - followed), 1e-12))
-    gain = 2 * inverse[0] - inverse[1]  # 1/(K + s) extrapolated to s = 0
+    s = 1j * SLOW * np.where(np.isfinite(slowest), slowest, 1.0)
+    matrix = s[:, None, None] * np.eye(A.shape[1]) - A
+    followed = np.einsum("nii->ni", C @ np.linalg.solve(matrix, B.astype(complex)))
+    missed = 1 - followed
+    gain = np.real(s[:, None] * missed.conj()) / np.maximum(np.abs(missed) ** 2, 1e-24)
     with np.errstate(divide="ignore"):
         return np.where(controller.position > 0, 1 / np.abs(gain), np.inf)

@@ -37,8 +37,6 @@ CLOSE, WIDER = 1.03, 1.03  # factors within which gains are found, and by which 
 RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 HALVINGS = 12  # of gains between which and 0 a grid has missed a band of instability
 MOST_CRITICAL, BISECTIONS = 8.0, 6
-CREEP = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours: no loop's doing
-CREEPING = 2.0  # times the rate at which pressures creep apart with no loop closed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,4 +266,4 @@ def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
 
 
 def _decays(plant: LoopPlant, poles: Array) -> Flags:
-    return np.asarray(poles.real.max(axis=1) < CREEP * plant.omega + CREEPING * plant.creep)
+    return np.asarray(poles.real.max(axis=1) < plant.fastest_creep)

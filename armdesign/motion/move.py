@@ -34,6 +34,7 @@ class Move(ReadOnly):
         shaper: with which its course was convolved.
         frequencies: natural, at the end with the oil that is then in the chambers [Hz], all modes.
         empty: chambers that vapour fills at the end, as gravity empties them and valves stay shut.
+        share: of the pump's flow and of the force that pressures leave, that is used.
         shortest: duration without a shaper that flow and pressures allow [s].
         duration: planned, without the shaper's delay [s].
         lead: before planned motion begins, in which slow spools open [s].
@@ -52,6 +53,7 @@ class Move(ReadOnly):
     shaper: Shaper
     frequencies: Array
     empty: tuple[str, ...]
+    share: float
     shortest: float
     duration: float
     lead: float

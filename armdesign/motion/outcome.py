@@ -16,9 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
+from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
+from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
 from armdesign.simulation.run import SETTLED, Simulation
+from armdesign.units import bar
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
@@ -41,6 +44,7 @@ class MoveRun(ReadOnly):
         residual: the largest distance from it within a period of the lowest mode [m].
         drift: speed of the tool along its line [m/s].
         settled: when the tool is within the tolerance for good [s]; inf: not within the run.
+        refilled: chambers that ran empty and filled again before that, and how often.
         miss: of the joints' planned end, by the middle of what is left (nq,) [rad, m].
     """
 
@@ -56,6 +60,7 @@ class MoveRun(ReadOnly):
     residual: float
     drift: float
     settled: float
+    refilled: dict[str, int]
     miss: Array
 
     @property
@@ -110,8 +115,20 @@ def move_run(
         residual=float(distance[within_period].max()),
         drift=float(np.linalg.norm(drift)),
         settled=settled,
+        refilled=_refilled(run, first),
         miss=run.q[first:][inside].mean(axis=0) - goal,
     )
+
+
+def _refilled(run: Simulation, count: int) -> dict[str, int]:
+    """How often chambers filled again within the first instants, to more than return pressure."""
+    full, times = max(run.machine.supply.return_pressure, bar), {}
+    for i, name in enumerate(run.cylinders):
+        for side, pressure in zip(SIDES, run.pressures[:count, i].T, strict=True):
+            sign = np.where(pressure <= VAPOUR_PRESSURE, -1, np.where(pressure >= full, 1, 0))
+            if often := int((np.diff(sign[sign != 0]) > 0).sum()):
+                times[f"{name}'s {side}"] = often
+    return times
 
 
 def ring_time(machine: Machine, frequency: float) -> float:

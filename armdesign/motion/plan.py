@@ -104,7 +104,8 @@ def plan_move(
         shaper, paces = shaper_for(shaper, way, masses, modes, damping)
     move = _move(way, poses, shaper, paces)
     shortest = sum(leg.law.duration for leg in fastest)
-    return replace(move, shortest=shortest, tolerance=settled, runs=_runs(move, masses, settled))
+    runs = _runs(move, masses, settled)
+    return replace(move, share=share, shortest=shortest, tolerance=settled, runs=runs)
 
 
 def _refuse_options(machine: Machine, options: dict[str, float], modes: int | None) -> None:
@@ -153,6 +154,7 @@ def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None) -> M
         shaper=shaper,
         frequencies=way.end,
         empty=way.empty,
+        share=SHARE,
         shortest=sum(leg.law.duration for leg in legs),
         duration=both[0].duration,
         lead=command_lead(model),

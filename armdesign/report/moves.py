@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from armdesign.motion.outcome import MoveRun
     from armdesign.motion.shapers import Shaper
 
+GENTLER = 0.7  # times the share of the force: what is proposed where chambers run empty
 ERRORS = (-0.2, -0.1, 0.0, 0.1, 0.2)  # of a frequency
 
 
@@ -113,6 +114,28 @@ def _shaper_row(shaper: Shaper, lowest: float) -> tuple[str, ...]:
     )
 
 
+def _refilled(move: Move) -> str:
+    """Chambers that run empty and fill again on the way, and what helps where much is left."""
+    from armdesign.motion.shapers import TOLERATED
+
+    times = {1: "once", 2: "twice"}
+    chambers = " and ".join(
+        f"{name} {times.get(often, f'{often} times')}"
+        for name, often in move.shaped.refilled.items()
+    )
+    words = (
+        "On the way chambers run empty and fill again, with a jolt that no shaper foresees:"
+        f" {chambers}."
+    )
+    if max(move.reductions) <= TOLERATED:
+        return words
+    smaller = f"{GENTLER * move.share:.1g}"
+    return (
+        f"{words} A smaller share of the force is gentler, as --share {smaller} (in Python"
+        f" share={smaller}), or a longer --duration."
+    )
+
+
 def _remarks(move: Move) -> list[str]:
     """Notes on the move and its shaper."""
     remarks = []
@@ -129,6 +152,8 @@ def _remarks(move: Move) -> list[str]:
             f"At the end {names} {verb} empty: gravity draws the piston, the valve stays shut. The"
             f" arm is softer than at rest there; its lowest mode has {move.frequencies[0]:.3g} Hz."
         )
+    if move.shaped.refilled:
+        remarks.append(_refilled(move))
     if move.plan.starving:
         names = " and ".join(move.plan.starving)
         remarks.append(f"The load draws {names} faster than the pump's side can fill it.")
