@@ -28,7 +28,7 @@ def move(
     modes: ShapedModesOption = None,
     damping: DampingOption = None,
     duration: DurationOption = None,
-    share: ShareOption = 0.7,
+    share: ShareOption = None,
     spread: SpreadOption = 0.2,
 ) -> None:
     """Plan a move that does not ring, and simulate it.

@@ -264,7 +264,10 @@ DurationOption = Annotated[
     typer.Option("--duration", help="In s, without the shaper's delay; default: the shortest."),
 ]
 ShareOption = Annotated[
-    float, typer.Option("--share", help="Share of the pump's flow and of free force to use.")
+    float | None,
+    typer.Option(
+        "--share", help="Share of the pump's flow and of free force to use; default: 0.7, or less."
+    ),
 ]
 SpreadOption = Annotated[
     float,

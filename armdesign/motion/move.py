@@ -12,7 +12,7 @@ from armdesign.arrays import Array, ReadOnly
 from armdesign.machine.machine import Machine
 from armdesign.motion.feed_forward import SpoolPlan
 from armdesign.motion.outcome import MoveRun
-from armdesign.motion.shapers import Shaper
+from armdesign.motion.shapers import TOLERATED, Shaper
 from armdesign.motion.trajectory import Trajectory
 from armdesign.short_repr import short_repr
 from armdesign.simulation.excitation import Table
@@ -44,6 +44,7 @@ class Move(ReadOnly):
         unshaped_commands: the same without the shaper.
         tolerance: distance within which the tool has settled [m].
         runs: nonlinear runs, unshaped and shaped: of the planned payload, then of others.
+        faster: the move with a larger share that was given up, as it ``jolts``; None: no such.
     """
 
     __repr__ = short_repr
@@ -63,6 +64,13 @@ class Move(ReadOnly):
     unshaped_commands: dict[str, Table]
     tolerance: float
     runs: tuple[MoveRun, ...]
+    faster: Move | None = None
+
+    @property
+    def jolts(self) -> bool:
+        """Whether chambers fill again on the shaped way, and too much is left for a shaper."""
+        refilled = self.shaper.delay > 0 and self.shaped.refilled
+        return bool(refilled) and max(self.reductions) > TOLERATED
 
     @property
     def unshaped(self) -> MoveRun:

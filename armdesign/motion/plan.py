@@ -11,7 +11,7 @@ shaper, and with a heavier and a lighter payload than they were planned for (``o
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -37,7 +37,8 @@ from armdesign.simulation.plant.springs import settled as at_rest
 from armdesign.simulation.simulate import SimulationCase, simulate_all
 from armdesign.units import l_per_min, mm
 
-SHARE = 0.7  # of flow and force that a plan uses: the arm rings about it
+# Shares of flow and force that a plan uses: the arm rings about it. The next where chambers jolt.
+SHARES = (0.7, 0.5, 0.35)
 ROUNDING = 1e-6  # of a duration that is the shortest, as printed
 TOLERANCE = 1e-6  # of the runs
 
@@ -53,7 +54,7 @@ def plan_move(
     modes: int | None = None,
     damping: float | None = None,
     duration: float | None = None,
-    share: float = SHARE,
+    share: float | None = None,
     spread: float = 0.2,
     settled: float = 5 * mm,
 ) -> Move:
@@ -74,7 +75,9 @@ def plan_move(
             lowest, as higher ones leave less than 5 % after the same step of acceleration.
         damping: ratio that it is made for; None: of each linear mode at the end.
         duration: without the shaper's delay [s]; None: the shortest.
-        share: of the pump's flow and of the force that pressures leave, that is used.
+        share: of the pump's flow and of the force that pressures leave, that is used. None: 0.7,
+            or less where chambers that run empty and fill again on the way leave more than 5 % of
+            the unshaped (``Move.jolts``), which no shaper foresees.
         spread: payloads this share lighter and heavier are tried, too; 0: none.
         settled: distance within which the tool has settled [m].
 
@@ -91,21 +94,39 @@ def plan_move(
         >>> move.shaped.residual < 0.05 * move.unshaped.residual
         True
     """
-    _refuse_options(machine, {"share": share, "spread": spread, "settled": settled}, modes)
+    shares = SHARES[: None if duration is None else 1] if share is None else (share,)
+    _refuse_options(machine, {"share": shares[0], "spread": spread, "settled": settled}, modes)
     model = machine if payload is None else machine.with_payload(payload)
     poses = np.vstack([joint_positions(model, start), joint_positions(model, end)])
     refuse_unheld(model, poses)
     refuse_overcome(Plant(at_rest(model, poses[0])), model.at(poses))
-    fastest = [fastest_leg(model, *pair, share) for pair in pairwise(poses)]
-    legs = fastest if duration is None else _within(model, fastest, duration)
-    masses = _masses(model, spread)
-    way, paces = way_modes(model, legs), None
-    if isinstance(shaper, str):
-        shaper, paces = shaper_for(shaper, way, masses, modes, damping)
-    move = _move(way, poses, shaper, paces)
-    shortest = sum(leg.law.duration for leg in fastest)
-    runs = _runs(move, masses, settled)
-    return replace(move, share=share, shortest=shortest, tolerance=settled, runs=runs)
+
+    def planned(share: float) -> Move:
+        fastest = [fastest_leg(model, *pair, share) for pair in pairwise(poses)]
+        legs = fastest if duration is None else _within(model, fastest, duration)
+        masses = _masses(model, spread)
+        way = way_modes(model, legs)
+        if isinstance(shaper, str):
+            chosen, paces = shaper_for(shaper, way, masses, modes, damping)
+        else:
+            chosen, paces = shaper, None
+        move = _move(way, poses, chosen, paces, share)
+        shortest = sum(leg.law.duration for leg in fastest)
+        runs = _runs(move, masses, settled)
+        return replace(move, shortest=shortest, tolerance=settled, runs=runs)
+
+    return _calmest(planned, shares)
+
+
+def _calmest(planned: Callable[[float], Move], shares: Sequence[float]) -> Move:
+    """The move of the first share without jolts, or else the one that leaves least."""
+    moves: list[Move] = []
+    for share in shares:
+        moves.append(planned(share))
+        if not moves[-1].jolts:
+            break
+    best = min(moves, key=lambda move: max(move.reductions))
+    return replace(best, faster=None if best is moves[0] else moves[0])
 
 
 def _refuse_options(machine: Machine, options: dict[str, float], modes: int | None) -> None:
@@ -142,7 +163,7 @@ def _masses(machine: Machine, spread: float) -> tuple[float, ...]:
     return (mass, (1 - spread) * mass, (1 + spread) * mass) if mass and spread else (mass,)
 
 
-def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None) -> Move:
+def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None, share: float) -> Move:
     """The move without runs."""
     model, legs = way.machine, way.legs
     both = [trajectory(legs, Shaper.none()), trajectory(legs, shaper, paces)]
@@ -154,7 +175,7 @@ def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None) -> M
         shaper=shaper,
         frequencies=way.end,
         empty=way.empty,
-        share=SHARE,
+        share=share,
         shortest=sum(leg.law.duration for leg in legs),
         duration=both[0].duration,
         lead=command_lead(model),

@@ -114,26 +114,30 @@ def _shaper_row(shaper: Shaper, lowest: float) -> tuple[str, ...]:
     )
 
 
-def _refilled(move: Move) -> str:
-    """Chambers that run empty and fill again on the way, and what helps where much is left."""
-    from armdesign.motion.shapers import TOLERATED
-
-    times = {1: "once", 2: "twice"}
+def _jolts(move: Move) -> str:
+    """Chambers that run empty and fill again on the way, and what is or can be done."""
+    first, times = move.faster or move, {1: "once", 2: "twice"}
     chambers = " and ".join(
         f"{name} {times.get(often, f'{often} times')}"
-        for name, often in move.shaped.refilled.items()
+        for name, often in first.shaped.refilled.items()
     )
     words = (
         "On the way chambers run empty and fill again, with a jolt that no shaper foresees:"
         f" {chambers}."
     )
-    if max(move.reductions) <= TOLERATED:
-        return words
-    smaller = f"{GENTLER * move.share:.1g}"
-    return (
-        f"{words} A smaller share of the force is gentler, as --share {smaller} (in Python"
-        f" share={smaller}), or a longer --duration."
-    )
+    if move.faster:
+        words = (
+            f"With {first.share:g} of the pump's flow and of the free force chambers would run empty"
+            f" and fill again on the way ({chambers}), with a jolt that no shaper foresees:"
+            f" {100 * max(first.reductions):.2g} % would be left. So the move uses {move.share:g}."
+        )
+    if move.jolts:
+        smaller = f"{GENTLER * move.share:.1g}"
+        words += (
+            f" A smaller share of the force is gentler, as --share {smaller} (in Python"
+            f" share={smaller}), or a longer --duration."
+        )
+    return words
 
 
 def _remarks(move: Move) -> list[str]:
@@ -152,8 +156,8 @@ def _remarks(move: Move) -> list[str]:
             f"At the end {names} {verb} empty: gravity draws the piston, the valve stays shut. The"
             f" arm is softer than at rest there; its lowest mode has {move.frequencies[0]:.3g} Hz."
         )
-    if move.shaped.refilled:
-        remarks.append(_refilled(move))
+    if move.faster or move.shaped.refilled:
+        remarks.append(_jolts(move))
     if move.plan.starving:
         names = " and ".join(move.plan.starving)
         remarks.append(f"The load draws {names} faster than the pump's side can fill it.")
