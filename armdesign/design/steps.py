@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arguments import checked
+from armdesign.design.bound.unfit_sizes import refuse_unfit_catalogue
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.kept_designs import form
@@ -191,15 +192,18 @@ def steps(
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
     sizes, grid = sizes_and_grid(machine, catalogue)
     pins = _pins(machine)
+
+    def posed(some: Pins) -> Problem:
+        return formulate(
+            machine, workspace, requirements, ("areas", *some), bands=bands,
+            objective=objective, grid=grid,
+        )  # fmt: skip
+
+    if sizes and pins:
+        refuse_unfit_catalogue(posed(pins))
     best: dict[Pins, Search] = {}
     for count in range(len(pins) + 1):
-        problems = {
-            some: formulate(
-                machine, workspace, requirements, ("areas", *some), bands=bands,
-                objective=objective, grid=grid,
-            )
-            for some in _sets(pins, count, best)
-        }  # fmt: skip
+        problems = {some: posed(some) for some in _sets(pins, count, best)}
         best |= _searched(problems, best, workers)
     command = call("steps", bands=bands, catalogue=catalogue)
     done: list[DesignStep] = []

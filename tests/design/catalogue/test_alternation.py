@@ -160,6 +160,8 @@ def test_a_catalogue_without_a_size_for_a_cylinder_is_refused_at_once() -> None:
             match=rf"catalogue: has no size for the {names}: .* relax them: {might}",
         ):
             ad.optimize(double(), None, Requirements(pin_box=0.1), catalogue=[size], starts=1)
+        with pytest.raises(InfeasibleError, match=rf"has no size for the {names}: "):
+            ad.steps(double(), None, Requirements(pin_box=0.1), catalogue=[size])
 
 
 @pytest.mark.slow
