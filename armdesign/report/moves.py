@@ -127,8 +127,8 @@ def _jolts(move: Move) -> str:
     )
     if move.faster:
         words = (
-            f"With {first.share:g} of the pump's flow and of the free force chambers would run empty"
-            f" and fill again on the way ({chambers}), with a jolt that no shaper foresees:"
+            f"With {first.share:g} of the pump's flow and of the free force chambers would run"
+            f" empty and fill again on the way ({chambers}), with a jolt that no shaper foresees:"
             f" {100 * max(first.reductions):.2g} % would be left. So the move uses {move.share:g}."
         )
     if move.jolts:
