@@ -30,7 +30,7 @@ from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.modes import hertz
 from armdesign.machine.machine import Machine
 
-DRAWN = 6  # combinations of sizes that are drawn
+MOST_DRAWN = 6  # combinations of sizes that are drawn
 TURNS = 5  # of choosing sizes for pins and pins for sizes
 # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 BORES, RODS = 2, 2
@@ -150,7 +150,7 @@ def _best_drawn(searches: list[Search]) -> tuple[Search, CheckedMachine | None]:
     Combinations of sizes are drawn, the best first, until none promises more than what is drawn.
     """
     drawn, best = searches[0], None
-    for search in searches[:DRAWN]:
+    for search in searches[:MOST_DRAWN]:
         if best and hertz(search.squared) <= best.judged:
             break
         machine = rounded_machine(search)

@@ -25,6 +25,7 @@ from armdesign.design.requirements.check import check, slacks, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import (
+    OTHER_SIZES,
     concessions,
     conflict_error,
     largest_share,
@@ -146,7 +147,6 @@ def _irreducible_subset(sums: SlackSums, columns: Array) -> Array:
 PROBES = 40  # random combinations on which requirements must be sums
 TOUCHED = 1e-12  # a slack that changes less does not depend on the sizes
 BATCH = 500  # combinations judged at a time
-OTHERWISE = " or offer other sizes"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -216,7 +216,7 @@ class AllowedSizes:
         lacks = {c.name: _missed(c) for c in checks if c.slack < -self.judge.tolerance}
         by_name = {c.name: c for c in checks}
         given = concessions(self.judge.requirements, [tuple(lacks)], by_name, lacks, {})
-        return nearest_error(self.judge.placed.name, words, given, OTHERWISE, UntriedError)
+        return nearest_error(self.judge.placed.name, words, given, OTHER_SIZES, UntriedError)
 
     def _touched_slacks(self, combinations: Array) -> Array:
         areas = np.tile(self.judge.own, (len(combinations), 1, 1))
@@ -342,7 +342,7 @@ def _refusal(
     amounts = {checks[column].name: _missed(checks[column]) for column in columns}
     conflict = concessions(judge.requirements, names, {c.name: c for c in checks}, amounts, alone)
     return conflict_error(
-        judge.placed.name, conflict, "no sizes of the catalogue meet", otherwise=OTHERWISE
+        judge.placed.name, conflict, "no sizes of the catalogue meet", otherwise=OTHER_SIZES
     )
 
 

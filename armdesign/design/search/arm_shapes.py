@@ -13,7 +13,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.problem import Problem
 
-DRAWN = 4096  # linkages, evenly over their box
+LINKAGES = 4096  # linkages, evenly over their box
 LEAST = 0.5  # of today's smallest arm, of linkages that count
 PLACES = 10  # steps between poses of the joint's range where shapes are compared
 
@@ -30,7 +30,7 @@ def linkages_of_every_shape(problem: Problem, i: int, count: int) -> list[Array]
     entries = np.array(list(problem.vector.moves(i)))
     low, high = (end[entries] for end in problem.bounds)
     designs, arms = [problem.vector.start], [problem.vector.arms_today[i]]
-    for share in qmc.Sobol(len(entries), scramble=False).random(DRAWN):
+    for share in qmc.Sobol(len(entries), scramble=False).random(LINKAGES):
         x = problem.vector.start.copy()
         x[entries] = low + share * (high - low)
         arm = _moment_arm(problem, i, x)

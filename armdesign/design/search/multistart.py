@@ -28,18 +28,19 @@ from armdesign.machine.machine import Machine
 from armdesign.progress import counted
 
 OBJECTIVES = ["gain", "worst"]
-STARTS, BENDING = 3, 6  # where pins move, and where four-bars do, which have more local optima
-DRAWN = (
-    0.7  # share of the pin box in which starts are drawn; a start is shrunk by it until it closes
-)
+STARTS = 3  # where pins move
+STARTS_OF_FOUR_BARS = 6  # where these move, which have more local optima
+DRAWN_SHARE = 0.7  # of the pin box in which starts are drawn; shrunk by it until they close
 ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
 TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}
 CURVED_ROUNDS = 4  # of second order and linearised programmes in turn, where four-bars move
-GAINED = 1e-5  # of today's lowest ω², by the last of them
-SHAPES = 24  # of the moment arm of every four-bar that moves, from which the best is searched on
-BETTER = 1e-4  # of today's lowest ω²
+LEAST_RISE = 1e-5  # of today's lowest ω², by the last of them
+ARM_SHAPES = (
+    24  # of the moment arm of every four-bar that moves, from which the best is searched on
+)
+LEAST_GAIN = 1e-4  # of today's lowest ω²
 NAMED = 3  # requirements, of a start that failed
-NEAR = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
+LEFT_BELOW = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
 
 def formulate(
@@ -136,12 +137,12 @@ def multistart(
     """The best of several starts, run to its end; and what each start came to.
 
     Starts are the design ``given``, if any, today's machine and random pins, ``starts`` in all
-    (None: ``STARTS``, or ``BENDING`` where four-bars move). Every start is searched roughly; those
-    that come near the best are searched to the end, with SLSQP too.
+    (None: ``STARTS``, or ``STARTS_OF_FOUR_BARS`` where four-bars move). Every start is searched
+    roughly; those that come near the best are searched to the end, with SLSQP too.
     """
     searches = [Search(problem=problem, x=x) for x in _start_designs(problem, starts, seed, given)]
     searches = follow_all(searches, workers, **ROUGHLY)
-    least = max(s.merit for s in searches) - NEAR
+    least = max(s.merit for s in searches) - LEFT_BELOW
     near = [k for k, search in enumerate(searches) if search.merit >= least]
     followed = follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
     for k, search in zip(near, followed, strict=True):
@@ -160,10 +161,10 @@ def _start_designs(
     moving = np.array([v.pin is not None for v in problem.vector.variables])
     designs = [] if given is None else [given]
     if starts is None:
-        starts = BENDING if problem.vector.moves_within else STARTS
+        starts = STARTS_OF_FOUR_BARS if problem.vector.moves_within else STARTS
     for k in range((max(starts, 1) if problem.vector.moving else 1) - len(designs)):
         x = problem.vector.start.copy()
-        x[moving] = random.uniform(-DRAWN, DRAWN, moving.sum()) if k > 0 else 0.0
+        x[moving] = random.uniform(-DRAWN_SHARE, DRAWN_SHARE, moving.sum()) if k > 0 else 0.0
         designs.append(_closing(problem, x, problem.vector.start))
     return designs
 
@@ -172,7 +173,7 @@ def _closing(problem: Problem, x: Array, near: Array) -> Array:
     """The design x within bounds, so far towards a ``near`` one that its four-bars close."""
     x = np.clip(x, *problem.bounds)
     while not problem.vector.closes(x):
-        x = near + DRAWN * (x - near)
+        x = near + DRAWN_SHARE * (x - near)
     return x
 
 
@@ -186,14 +187,14 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
         (np.array(list(problem.vector.moves(i))), x)
         for i in problem.vector.moving
         if problem.vector.moved_within(i)
-        for x in linkages_of_every_shape(problem, i, SHAPES)
+        for x in linkages_of_every_shape(problem, i, ARM_SHAPES)
     ]
     while starts:
         rough = [Search(problem=problem, x=_with(best.x, x, entries)) for entries, x in starts]
         other = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
-        if other.merit > best.merit + BETTER:
+        if other.merit > best.merit + LEAST_GAIN:
             other = follow(other, curved=True, **TO_THE_END)
-        if other.merit <= best.merit + BETTER or other.violation > max(NEARLY, best.violation):
+        if other.merit <= best.merit + LEAST_GAIN or other.violation > max(NEARLY, best.violation):
             break
         best = other
     return best
@@ -296,7 +297,7 @@ def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
         if curved and search.violation < NEARLY:
             search = improve_by_slsqp(search)
         search = search.run(**settings)
-        if search.merit < before + GAINED:
+        if search.merit < before + LEAST_RISE:
             break
     return search
 

@@ -14,6 +14,7 @@ from armdesign.units import WORKSHOP, outward
 DIGITS = 6  # of a setting that gives
 WITHIN = 0.999  # of what a file allows it to give
 ENOUGH = ", which is enough but not proved least"
+OTHER_SIZES = ", or offer other sizes"
 HEADS = ("requirement", "", "today's limit", "relax by", "to", "or it alone by")
 
 

@@ -30,7 +30,7 @@ PENALTY = (
 EACH = 1e-3  # of every other share that is given: what need not give does not
 UNKNOWN = 1e3  # share that a requirement is missed by where it is not a number
 STARTS = 3  # designs from which requirements are tried: the one at hand, today's, others drawn
-DRAWN = 0.7  # share of the bounds in which they are drawn
+DRAWN_SHARE = 0.7  # share of the bounds in which they are drawn
 FINE, ROUGH = 1e-4, 1e-3  # shares of what is missed that a step must promise to be made
 ANYWHERE, NEARBY = 0.3, 0.05  # trust; the latter for the rest when a size goes to the grid
 STEPS, SMALLEST = 40, 1e-7  # of the trust region
@@ -167,7 +167,7 @@ class ElasticProgramme:
         for k in range(starts if pins.any() else min(starts, 2)):
             x = (self.x, self.problem.vector.start)[k].copy() if k < 2 else self.x.copy()
             if k >= 2:
-                x[pins] = random.uniform(DRAWN * low[pins], DRAWN * high[pins])
+                x[pins] = random.uniform(DRAWN_SHARE * low[pins], DRAWN_SHARE * high[pins])
             # sizes that are chosen are not today's
             solution = self._solve_from(np.clip(x, low, high), roles, bounds, ANYWHERE, tolerance)
             if best is None or solution.cost < best.cost - MET:

@@ -19,6 +19,7 @@ from armdesign.design.requirements.check import check
 from armdesign.design.requirements.record import Concession, Evaluation, Requirement
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import (
+    OTHER_SIZES,
     concessions,
     conflict_error,
     largest_share,
@@ -38,7 +39,6 @@ TIGHTENED_BY = (1e-4, 1e-3, 3e-3, 1e-2)
 MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
-OTHER_SIZES = ", or offer other sizes"
 
 T = TypeVar("T")
 
