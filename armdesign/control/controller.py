@@ -10,6 +10,7 @@ H is a high-pass with its corner at ω_c, s/(s + ω_c), or a band-pass around th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Literal
@@ -22,6 +23,7 @@ from armdesign.short_repr import short_repr
 
 Filter = Literal["high-pass", "band-pass"]
 BAND_WIDTH = 1.0  # ζ_f of the band-pass
+TURNED = 2.0  # ω T [rad] of one of Padé's sections: its phase errs by 1e-5 (ω T)⁷
 CORNER = {"high-pass": 1 / 3, "band-pass": 1.0}  # ω_c by the lowest natural frequency
 
 
@@ -67,11 +69,12 @@ class Controller(ReadOnly):
 def closed_loop(plant: LoopPlant, controller: Controller) -> tuple[Array, Array, Array]:
     """ẋ = A x + B q_r, q = C x of the closed loops (n, m, m), (n, m, nq), (nq, m).
 
-    States: the plant's, two of each spool, the delay's (Padé, order 3), and the filters' where
-    pressures are fed back.
+    States: the plant's, two of each spool, the delay's (Padé), and the filters' where pressures
+    are fed back.
     """
     ns, nq, nc = plant.A.shape[1], plant.joints, plant.B.shape[2]
-    lag, delay = _spools(plant), _pade(plant.delay, nc)
+    sections = math.ceil(plant.fastest.max(initial=0.0) * plant.delay / TURNED)
+    lag, delay = _spools(plant), pade_delay(plant.delay, sections, nc)
     filters = _filters(controller, nc)
     ends = np.cumsum([0, ns, 2 * nc, delay[0].shape[0], filters[0].shape[1]])
     x, v, d, h = (slice(begin, end) for begin, end in pairwise(ends))
@@ -103,16 +106,24 @@ def _spools(plant: LoopPlant) -> tuple[Array, Array]:
     return A, B
 
 
-def _pade(delay: float, nc: int) -> tuple[Array, Array, Array, Array]:
-    """State space of nc delays [s] by Padé's approximation of order 3; without states for 0."""
-    if delay == 0:
-        return np.zeros((0, 0)), np.zeros((0, nc)), np.zeros((nc, 0)), np.eye(nc)
+def pade_delay(delay: float, sections: int, nc: int) -> tuple[Array, Array, Array, Array]:
+    """State space of nc delays [s]: sections in a row, each by Padé's approximation of order 3.
+
+    No states for no delay.
+    """
     # (120 − 60 z + 12 z² − z³)/(120 + 60 z + 12 z² + z³), z = s T, in controllable form: the
     # feedthrough is −1, and the numerator less (−1) × the denominator is 240 + 24 z².
+    each = delay / max(sections, 1)
+    step = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-120.0, -60.0, -12.0]])
+    enter, leave = np.array([[0.0], [0.0], [1.0]]), np.array([[240.0, 0.0, 24.0]])
+    A, B, C, through = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0
+    for _ in range(sections):
+        A = np.block([[A, np.zeros((len(A), 3))], [enter @ C / each, step / each]])
+        B = np.concatenate([B, through * enter / each])
+        C = np.concatenate([-C, leave], axis=1)
+        through = -through
     one = np.eye(nc)
-    step = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-120.0, -60.0, -12.0]]) / delay
-    enter, leave = np.array([[0.0], [0.0], [1.0]]) / delay, np.array([[240.0, 0.0, 24.0]])
-    return np.kron(step, one), np.kron(enter, one), np.kron(leave, one), -one
+    return np.kron(A, one), np.kron(B, one), np.kron(C, one), through * one
 
 
 def _filters(controller: Controller, nc: int) -> tuple[Array, Array, Array, Array]:

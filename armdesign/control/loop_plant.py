@@ -92,6 +92,12 @@ class LoopPlant(ReadOnly):
         """Number of joints."""
         return self.q.shape[1]
 
+    @property
+    def fastest(self) -> Array:
+        """Frequency (n,) [rad/s] beyond which loops answer little: of modes and valves."""
+        highest = 2 * math.pi * self.frequencies[:, -1]
+        return np.maximum(highest, 0.5 * self.valve_omega.max())
+
     @cached_property
     def omega(self) -> Array:
         """Lowest natural frequency (n,) [rad/s]."""

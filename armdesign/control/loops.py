@@ -66,7 +66,7 @@ class Loops(ReadOnly):
         below, among, near = counts
         omega, ratio = 2 * math.pi * plant.frequencies, plant.damping
         low = np.minimum(0.03, 0.3 * ratio[:, 0]) * omega[:, 0]
-        high = 3 * np.maximum(omega[:, -1], 0.5 * plant.valve_omega.max())
+        high = 3 * plant.fastest
         middle = 0.4 * omega[:, 0]
         scales = [
             np.geomspace(low, middle, below, endpoint=False, axis=1),
