@@ -1,8 +1,9 @@
 """Steps of a design: the best machine with no pin moved, with one, with two, up to all.
 
 For each number of pins every set of them is searched, with free sizes; where the sets are too
-many, those that add a pin to the best of the step before. The best set is then designed as
-``optimize`` would: with sizes of the catalogue and lengths on the drawing's grid.
+many, those that add a pin to the best of the step before. The best are then designed as
+``optimize`` would. Sizes of a catalogue and lengths on the drawing's grid can reverse their order,
+so that with a catalogue some are, and the best of these is the answer.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes, Figure
 
 SETS = 24  # of so many pins that are all searched
+BUILT = 3  # sets of as many pins, the best with free sizes, that are designed by a catalogue
 
 Pins = tuple[str, ...]  # key paths of pins that move
 
@@ -53,7 +55,8 @@ class DesignStep:
     Attributes:
         pins: key paths of those that may move, "cylinder.boom.base".
         design: with these pins and any cylinders.
-        searched: sets of as many pins that were searched.
+        searched: sets of as many pins that were searched with free sizes.
+        built: the best of these, which were designed as they can be built.
         sets: that there are.
     """
 
@@ -62,6 +65,7 @@ class DesignStep:
     pins: Pins
     design: Design
     searched: int
+    built: int
     sets: int
 
     @property
@@ -127,7 +131,7 @@ class Steps:
 
         ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands;
         ``worst_hz`` at the file's values; ``lift_share``, the least over the lift chart;
-        ``changed`` parts; ``searched`` of ``sets``.
+        ``changed`` parts; ``searched`` of ``sets`` with free sizes, and ``built`` of these.
         """
         import pandas as pd
 
@@ -140,6 +144,7 @@ class Steps:
                 "lift_share": step.design.lift_share,
                 "changed": ", ".join(step.changed),
                 "searched": step.searched,
+                "built": step.built,
                 "sets": step.sets,
             }
             for step in self.steps
@@ -206,16 +211,38 @@ def steps(
         problems = {some: posed(some) for some in _sets(pins, count, best)}
         best |= _searched(problems, best, workers)
     command = call("steps", bands=bands, catalogue=catalogue)
+    most = BUILT if sizes else 1
+    few = [_best(best, count)[:most] for count in range(len(pins) + 1)]
+    designs = iter(
+        _designs([best[some] for sets in few for some in sets], sizes, command, workers)
+    )
+    built = [_best_built([next(designs) for _ in sets]) for sets in few]
+    return _rising(machine, built, [len(sets) for sets in few], best, pins)
+
+
+def _rising(
+    machine: Machine,
+    designs: Sequence[Design | InfeasibleError],
+    built: Sequence[int],
+    known: dict[Pins, Search],
+    pins: Pins,
+) -> Steps:
+    """The steps of the designs with no pin moved, with one, …, those left out that gain less.
+
+    Raises:
+        InfeasibleError: there is no design.
+    """
     done: list[DesignStep] = []
     left_out: dict[int, str] = {}
-    for count, design in enumerate(_designs(_best_of_each(best, pins), sizes, command, workers)):
+    for count, design in enumerate(designs):
         if isinstance(design, InfeasibleError):
             left_out[count], refused = str(design.fault), design
             continue
         step = DesignStep(
             pins=tuple(design.problem.vector.vary[1:]),
             design=design,
-            searched=sum(len(some) == count for some in best),
+            searched=sum(len(some) == count for some in known),
+            built=built[count],
             sets=math.comb(len(pins), count),
         )
         if done and step.gain < done[-1].gain:  # as can be built: in real numbers it would be more
@@ -245,7 +272,7 @@ def _sets(pins: Pins, count: int, known: dict[Pins, Search]) -> Iterator[Pins]:
     if math.comb(len(pins), count) <= SETS:
         yield from itertools.combinations(pins, count)
         return
-    before = _best(known, count - 1)
+    before = _best(known, count - 1)[0]
     for pin in pins:
         if pin not in before:
             yield tuple(p for p in pins if p == pin or p in before)
@@ -275,13 +302,16 @@ def _rank(search: Search) -> tuple[bool, float]:
     return search.violation < NEARLY, search.merit
 
 
-def _best(known: dict[Pins, Search], count: int) -> Pins:
-    """The best known set of so many pins."""
-    return max((some for some in known if len(some) == count), key=lambda some: _rank(known[some]))
+def _best(known: dict[Pins, Search], count: int) -> list[Pins]:
+    """The best known sets of so many pins, the best first."""
+    of_count = (some for some in known if len(some) == count)
+    return sorted(of_count, key=lambda some: _rank(known[some]), reverse=True)
 
 
-def _best_of_each(known: dict[Pins, Search], pins: Pins) -> list[Search]:
-    return [known[_best(known, count)] for count in range(len(pins) + 1)]
+def _best_built(designs: list[Design | InfeasibleError]) -> Design | InfeasibleError:
+    """The design that gains most; without any, why the first is none."""
+    found = (design for design in designs if isinstance(design, Design))
+    return max(found, key=lambda design: design.least_gain, default=designs[0])
 
 
 def _designs(

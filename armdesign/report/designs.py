@@ -314,6 +314,8 @@ def steps_sheet(answer: Steps) -> Sheet:
     ]
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
+    if (most := max(step.built for step in answer.steps)) > 1:
+        notes.append(f"all sets with free sizes; the {most} best are built, and the best of these")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
         columns=("pins that move", "worst", "least gain", "least lift", "changed", "sets"),

@@ -44,8 +44,9 @@ def test_a_step_changes_what_it_says_and_no_more() -> None:
     """
     machine, space = double(), workspace_of("double")
     answer = ad.steps(machine, space, catalogue="5mm")
-    assert [len(step.pins) for step in answer.steps] == [0, 1, 2]
-    assert answer.left_out == {3: "no better than 2", 4: "no better than 2"}
+    assert [len(step.pins) for step in answer.steps] == [0, 1, 2, 3]
+    assert answer.left_out == {4: "no better than 3"}
+    assert [step.built for step in answer.steps] == [1, 3, 3, 3]
     unrounded = [step.design.unrounded for step in answer.steps]
     assert unrounded[1] > unrounded[0] * 1.01
     for step in answer.steps:
@@ -62,13 +63,26 @@ def test_a_step_changes_what_it_says_and_no_more() -> None:
         } == {part for part in step.changed if "cylinder" not in part}
         assert min(step.design.slacks.values()) >= 0
     frame = answer.frame
-    assert list(frame["pins"]) == [0, 1, 2]
+    assert list(frame["pins"]) == [0, 1, 2, 3]
     assert frame["gain"].to_numpy() == pytest.approx([s.design.least_gain for s in answer.steps])
     assert frame["gain"].is_monotonic_increasing
     sheet = steps_sheet(answer)
-    assert len(sheet.rows) == 4
-    assert "3 pins are left out: no better than 2" in sheet.note
+    assert len(sheet.rows) == 5
+    assert "4 pins are left out: no better than 3" in sheet.note
     assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
+
+
+@pytest.mark.slow
+def test_of_the_best_sets_the_best_is_chosen_as_built() -> None:
+    """The drawing's grid reverses the order of two sets of three pins: by ``optimize``."""
+    machine, space = double(), workspace_of("double")
+    free, built = ad.steps(machine, space), ad.steps(machine, space, catalogue="5mm")
+    step = built.steps[3]
+    assert step.pins != free.steps[3].pins
+    alone = ad.optimize(
+        machine, space, vary=("areas", *free.steps[3].pins), starts=1, catalogue="5mm"
+    )
+    assert step.gain > alone.least_gain
 
 
 @pytest.mark.slow
