@@ -116,7 +116,7 @@ def optimize(
     """Find better cylinder sizes and pins.
 
     Maximises the lowest natural frequency over the workspace. Writes the new machine as
-    <name>_optimized.toml with its URDF, and maps and moment arms before and after.
+    <name>_optimized.toml, with its URDF where it has one; maps and moment arms before and after.
     """
     from armdesign.report.designs import design_sheets
     from armdesign.report.least import least_sentence
@@ -221,13 +221,15 @@ def check(run: OverWorkspace) -> None:
     """Explain a machine file, or list its faults.
 
     Prints masses, joint ranges and what ends them, reach, moment arms, static pressures and
-    implausible values; of a file without faults writes machine.png, a drawing to scale.
+    implausible values; of a file without faults writes machine.png, a drawing to scale, and
+    lift_chart.csv and lift_chart.png.
     """
-    from armdesign import plots
+    from armdesign import output, plots
     from armdesign.frequency.workspace import Workspace
     from armdesign.inspection import file_faults
     from armdesign.inspection.inspection import inspect
     from armdesign.report.inspections import check_sheets
+    from armdesign.report.lift_charts import lift_charts
 
     counts = grid_points(run.points)
     with run.progress("reading the file"):
@@ -241,6 +243,7 @@ def check(run: OverWorkspace) -> None:
     out = run.folder(model.source)
     with run.writing(out) as folder:
         plots.save(plots.machine_drawing(model).figure, folder / "machine.png")
+        output.write_lift_charts(lift_charts({plots.title_of(model): model}), folder)
 
 
 @app.command()

@@ -59,7 +59,7 @@ def steps(run: OverWorkspace, search: SearchOptions) -> None:
     """Say which change to make first.
 
     Finds the best machine with other cylinders alone, with one pin moved, with two, up to all.
-    Writes steps.csv, and each machine as <name>_<pins>_pins.toml with its URDF.
+    Writes steps.csv, and each machine as <name>_<pins>_pins.toml.
     """
     from armdesign import output
     from armdesign.design.steps import steps as with_more_and_more_pins

@@ -31,6 +31,7 @@ from armdesign.control.most_margin import no_gains_keep
 from armdesign.control.own_bandwidths import Schemes, schemes
 from armdesign.control.settling import settling_time, tracking_error
 from armdesign.control.tuning import Tuned, critical_factor
+from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
@@ -86,7 +87,13 @@ class BandwidthMap(ReadOnly):
         return f"of {self.machine.name}: worst {own:.4g} Hz, {alone:.4g} by position loops alone"
 
     def worst(self, scheme: str = "own") -> pd.Series[Any]:
-        """The row with the least bandwidth of a scheme, of those at which a controller works."""
+        """The row with the least bandwidth of a scheme, of those at which a controller works.
+
+        Raises:
+            ArmDesignError: there is no such scheme.
+        """
+        if scheme not in SCHEMES:
+            raise ArmDesignError("scheme", f'"{scheme}" is none', choose(scheme, SCHEMES))
         return self._least(f"{scheme}_hz")
 
     @property
@@ -131,9 +138,14 @@ class BandwidthMap(ReadOnly):
         return shares
 
     def plot(self, ax: Axes | None = None, scheme: str = "own", **limits: float) -> Axes:
-        """Heatmap of a scheme's narrowest bandwidth over two joints."""
+        """Heatmap of a scheme's narrowest bandwidth over two joints.
+
+        Raises:
+            ArmDesignError: there is no such scheme.
+        """
         from armdesign import plots
 
+        self.worst(scheme)
         return plots.bandwidth_map(self, ax, scheme, **limits)
 
 

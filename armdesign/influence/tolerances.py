@@ -160,8 +160,10 @@ class Tolerances(ReadOnly):
     def _summary(self, units: Units) -> Sheet:
         worst, error = self.rivals[0], self.linear - self.frequencies
         at = int(np.abs(error).argmax())
-        followed = self.frequencies[: len(self.searched)]
-        near = np.max((followed - self.searched) / np.where(followed > 0, followed, 1.0))
+        found = np.isfinite(self.searched)
+        followed = self.frequencies[: len(found)][found]
+        less = (followed - self.searched[found]) / np.where(followed > 0, followed, 1.0)
+        near = np.max(less, initial=0.0)
         what = "stated" if self.stated else "of this file: none is stated, least_hz states one"
         spread = f"{self.frequencies.std():.4f} Hz, by derivatives {self.linear.std():.4f} Hz"
         rows = (
@@ -188,7 +190,7 @@ class Tolerances(ReadOnly):
             rows=rows,
             note=(
                 f"at {len(self.rivals)} poses, which follow end stops and pitch limits; a search"
-                f" near them finds {100 * near:.2g} % less at most, in {len(self.searched)} of the"
+                f" near them finds {100 * near:.2g} % less at most, in {found.sum()} of the"
                 " machines"
             ),
             bold=(2,),
@@ -334,9 +336,9 @@ def _frequencies(
 def _searched(
     machine: Machine, poses: Sequence[Rival], widths: Sequence[Width], values: Array
 ) -> Array:
-    """Worst frequencies (n,) [Hz] of machines, looked for near the rivals."""
+    """Worst frequencies (n,) [Hz] of machines, looked for near the rivals; NaN: none is found."""
     family = family_of(machine, tuple(widths), values)
-    return np.asarray(np.nanmin([rival.lowest_near(family) for rival in poses], axis=0))
+    return np.asarray(np.fmin.reduce([rival.lowest_near(family) for rival in poses]))
 
 
 def _slopes(machine: Machine, rival: Rival, widths: Sequence[Width]) -> Array:

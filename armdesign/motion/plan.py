@@ -142,7 +142,9 @@ def _refuse_options(machine: Machine, options: dict[str, float], modes: int | No
             fault = f"{value:g} is not in {allowed[name]}"
             raise ArmDesignError(f"{machine.name}: move: {name}", fault, "give one in it")
     if modes is not None and modes < 1:
-        raise ArmDesignError(f"{machine.name}: move: modes", f"{modes} is below 1", "give 1 or 2")
+        raise ArmDesignError(
+            f"{machine.name}: move: modes", f"{modes} is below 1", "give 1 or more"
+        )
 
 
 def _within(machine: Machine, legs: Sequence[Leg], duration: float) -> list[Leg]:

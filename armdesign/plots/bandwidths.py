@@ -71,7 +71,7 @@ def bandwidth_map(
     heatmap(ax, joint_values(first, x), joint_values(second, y), least, style, BANDWIDTH)
     for row, colour, words in (
         (bandwidths.worst(scheme), MARK, "worst bandwidth"),
-        (bandwidths.softest, COMPUTED, "lowest frequency"),
+        (bandwidths.softest, COMPUTED, "at the lowest frequency"),
     ):
         at = [float(joint_values(one, row[one.name])) for one in (first, second)]
         label = f"{words}: {row[f'{scheme}_hz']:.3g} Hz"

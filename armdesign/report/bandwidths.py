@@ -253,16 +253,26 @@ def _promises_sheet(maps: Mapping[str, BandwidthMap]) -> Sheet:
         worst = bandwidths.worst("proportional")
         for column, name in (("merritt_hz", "Merritt, K < 2ζω"), ("rule_hz", "rule f/3")):
             reached = works["proportional_hz"].where(works["proportional_hz"] > 0)
-            ratio = (works[column] / reached).median()
+            ratios = works[column] / reached
+            there = worst[column] / worst["proportional_hz"]
             case = f"{label}: {name}" if len(maps) > 1 else name
             rows.append(
-                (case, f"{worst[column]:.3g}", f"{works[column].median():.3g}", _times(ratio))
+                (
+                    case,
+                    f"{worst[column]:.3g}",
+                    _times(there),
+                    f"{works[column].median():.3g}",
+                    _times(ratios.median()),
+                )
             )
     return Sheet(
         title="What formulas of a single loop promise [Hz]",
-        columns=("formula", "at the worst pose", "median", "promise / position loops alone"),
+        columns=("formula", "at the worst pose", "too much", "median", "too much, median"),
         rows=tuple(rows),
-        note="Merritt's bound is where a single loop becomes unstable, without any margin",
+        note=(
+            "too much: times what position loops alone reach; Merritt's bound is where a single"
+            " loop on the lowest mode becomes unstable, without any margin"
+        ),
     )
 
 

@@ -362,6 +362,6 @@ def _throughout(design: Design) -> str:
     what = "it gains at least" if least > 0 else "the gain vanishes there:"
     assumed = ", assumed" if is_assumed(design.today, design.bands) else ""
     return (
-        f" Within the bands of what is not known exactly{assumed}, {low:.3f} to {high:.3f} Hz,"
-        f" {what} {percent(least)}."
+        f" Within the bands of what is not known exactly{assumed}, {low:.3f} to {high:.3f} Hz at"
+        f" the poses of the workspace, {what} {percent(least)}."
     )

@@ -227,3 +227,10 @@ def test_slow_valves_of_each_machine_are_said() -> None:
     alone = str(bandwidth_sheets({"": maps["new"]})[0])
     assert "cannot damp well: lift (100 % of the poses)" in alone
     assert "slower" not in str(bandwidth_sheets({"": maps["today"]})[0])
+
+
+def test_a_scheme_that_there_is_not() -> None:
+    machine = ad.load("paper_1dof")
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, points=2), damping=0.02)
+    with pytest.raises(ad.ArmDesignError, match='scheme: "dampd" is none; did you mean "damped"'):
+        bandwidths.plot(scheme="dampd")

@@ -226,3 +226,13 @@ def test_saving_keeps_the_widths(tmp_path: object) -> None:
     machine = toleranced("excavator_20t").replace({"cylinder.boom.bore_mm": 125.0})
     assert machine.section.tolerances.keys == {"cylinder.boom.bore_mm": 0.1}
     assert widths_of(ad.load(machine.save(f"{tmp_path}/excavator_20t.toml"))) == widths_of(machine)
+
+
+def test_machines_that_no_search_near_finds_do_not_count() -> None:
+    """Pins ± 50 mm: some machines take no pose near the worst one; their sheets count the rest."""
+    wide = toleranced("patu_boom", "pin_mm = 50")
+    answer = ad.tolerances(wide, ad.Workspace.grid(wide, points=5), count=64)
+    note = answer.sheets()[0].note
+    assert np.isnan(answer.searched).any()
+    assert f"in {np.isfinite(answer.searched).sum()} of the machines" in note
+    assert "nan" not in note

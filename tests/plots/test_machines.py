@@ -227,3 +227,8 @@ def test_titles_and_legends_are_on_the_paper() -> None:
         high, inch = ax.figure.bbox.height, ax.figure.dpi
         assert 0 <= legend.y0 <= 0.6 * inch, "nor is there much white below"
         assert ax._left_title.get_window_extent().y1 <= high
+
+
+def test_machines_of_other_joints_are_not_drawn_over_each_other() -> None:
+    with pytest.raises(ArmDesignError, match=r"has other joints \(.*\); give one with boom"):
+        plots.machine_overlay(load("patu_boom"), load("loader_crane"))

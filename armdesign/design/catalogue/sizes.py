@@ -128,7 +128,12 @@ def read_sizes(path: str | Path) -> Sizes:
         except ValueError:
             part = f"{path}: line {line}"
             raise ArmDesignError(part, "is not a pair of numbers", remedy) from None
+        if not 0 < rod < bore < LARGEST:  # false for NaN too
+            part, fault = f"{path}: line {line}", f"rod {rod / mm:g} mm in bore {bore / mm:g} mm"
+            raise ArmDesignError(part, fault, f"give 0 < rod_mm < bore_mm < {LARGEST / mm:g}")
         pairs.append((bore, rod))
+    if not pairs:
+        raise ArmDesignError(str(path), "has no sizes", "give a line for each")
     return sizes_of(pairs)
 
 

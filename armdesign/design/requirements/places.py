@@ -168,9 +168,12 @@ def _clearance_names(clear: Clearance, machine: Machine) -> Names:
 
 
 def _check(part: Outline | Clearance) -> None:
+    where = f"requirements: outline on {part.link}"
     if len(part.points) < 3:
-        where = f"requirements: outline on {part.link}"
         raise ArmDesignError(where, f"has {len(part.points)} points", "give at least 3")
+    u, v = edges(np.array(part.points))
+    if _cross(u[:, None], v[:, None], u, v).any():
+        raise ArmDesignError(where, "its edges cross", "give its corners in their order around it")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -60,7 +60,11 @@ def test_catalogue_file(tmp_path: Path) -> None:
         ("", "has columns none"),
         ("bore_mm,rod_mm\n100,63\nx,63\n", "line 3: is not a pair"),
         ("bore_mm,rod_mm\n100\n", "1 fields in line 2, 2 names"),
-        ("bore_mm,rod_mm\n", "is empty"),
+        ("bore_mm,rod_mm\n", "has no sizes; give a line for each"),
+        (
+            "bore_mm,rod_mm\n20,30\n",
+            "line 2: rod 30 mm in bore 20 mm; give 0 < rod_mm < bore_mm < 2000",
+        ),
     ):
         (tmp_path / "bad.csv").write_text(text, encoding="utf-8")
         with pytest.raises(ArmDesignError, match=words):

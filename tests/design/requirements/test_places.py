@@ -96,3 +96,9 @@ def _turn(angle: np.ndarray, x: float, z: float) -> np.ndarray:
 
 def _turn_back(angle: np.ndarray, x: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x * np.cos(angle) + z * np.sin(angle), -x * np.sin(angle) + z * np.cos(angle)
+
+
+def test_an_outline_whose_edges_cross_is_refused() -> None:
+    bow = ((-0.5, -0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, 0.5))
+    with pytest.raises(ad.ArmDesignError, match="outline on boom: its edges cross; give its corn"):
+        ad.Requirements(outlines=(Outline(link="boom", points=bow, pin_radius=0.0),))
