@@ -19,17 +19,13 @@ from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import Frozen, Names, at_work, cylinders, entries
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.cylinder_build import barrel_outer
+from armdesign.machine.file.polygons import CROSSED, IN_ORDER, cross, crosses_itself, edges
 from armdesign.machine.file.schema import ClearanceSection, OutlineSection
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.units import mm
-
-
-def edges(points: Array) -> tuple[Array, Array]:
-    """Starts and ends (m, 2) of the edges of a closed polygon (m, 2)."""
-    return points, np.roll(points, -1, axis=0)
 
 
 def depth(at: Array, polygon: Array) -> Array:
@@ -57,7 +53,7 @@ def clearance(start: Array, end: Array, polygon: Array) -> Array:
         axis=-1,
     )
     gap = _least(gaps)
-    crossed = _cross(a.real, b.real, u, v)
+    crossed = cross(a.real, b.real, u, v)
     wholly_inside = _inside(start.real, polygon) & ~crossed.any(axis=-1)
     nearest = _least(np.where(crossed, -gap, gap))
     return np.where(wholly_inside, -nearest, nearest)
@@ -80,19 +76,6 @@ def _to_segment(point: Array, start: Array, end: Array) -> Array:
 
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
-
-
-def _turn(a: Array, b: Array, c: Array) -> Array:
-    """Twice the area of the triangle a, b, c: positive where it turns left."""
-    along, beyond = b - a, c - a
-    return np.asarray(along[..., 0] * beyond[..., 1] - along[..., 1] * beyond[..., 0])
-
-
-def _cross(a: Array, b: Array, u: Array, v: Array) -> Flags:
-    """Whether segments a–b and u–v cross."""
-    return np.asarray(
-        (_turn(a, b, u) * _turn(a, b, v) < 0) & (_turn(u, v, a) * _turn(u, v, b) < 0)
-    )
 
 
 def _inside(point: Array, polygon: Array) -> Flags:
@@ -171,9 +154,8 @@ def _check(part: Outline | Clearance) -> None:
     where = f"requirements: outline on {part.link}"
     if len(part.points) < 3:
         raise ArmDesignError(where, f"has {len(part.points)} points", "give at least 3")
-    u, v = edges(np.array(part.points))
-    if _cross(u[:, None], v[:, None], u, v).any():
-        raise ArmDesignError(where, "its edges cross", "give its corners in their order around it")
+    if crosses_itself(part.points):
+        raise ArmDesignError(where, CROSSED, IN_ORDER)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from armdesign.hydraulics.valve import RELIEF_SHARE
 from armdesign.machine.file.likely_values import meant, usual
 from armdesign.machine.file.link_faults import link_faults
 from armdesign.machine.file.numbers import chosen_numbers
+from armdesign.machine.file.polygons import CROSSED, IN_ORDER, crosses_itself
 from armdesign.machine.file.schema import (
     BY_ACTUATOR,
     DEFAULT,
@@ -226,6 +227,13 @@ def _of_requirements(machine: MachineSection) -> Iterator[Fault]:
             key = "reach_mm" if lift.reach_mm is None else "height_mm"
             path = f"requirements.lift.{name}.{key}"
             yield path, "missing: a place has both", f"add {key}"
+    for kind, tables in (
+        ("outline", machine.requirements.outline),
+        ("clearance", machine.requirements.clearance),
+    ):
+        for name, table in tables.items():
+            if crosses_itself(table.points_mm):
+                yield f"requirements.{kind}.{name}.points_mm", CROSSED, IN_ORDER
     for path, kind, names in _names_in(machine.requirements):
         known = {
             "cylinder": machine.cylinder,
