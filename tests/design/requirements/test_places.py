@@ -103,5 +103,5 @@ def test_an_outline_whose_edges_cross_is_refused() -> None:
     with pytest.raises(ad.ArmDesignError, match="outline on boom: its edges cross; give its corn"):
         ad.Requirements(outlines=(Outline(link="boom", points=bow, pin_radius=0.0),))
     machine, bow = ad.load("excavator_20t"), [[-500, -500], [500, 500], [500, -500], [-500, 500]]
-    with pytest.raises(ad.ArmDesignError, match="outline.stick.points_mm: its edges cross"):
+    with pytest.raises(ad.ArmDesignError, match=r"outline\.stick\.points_mm: its edges cross"):
         machine.replace({"requirements.outline.stick.points_mm": bow})
