@@ -145,7 +145,6 @@ class BandwidthMap(ReadOnly):
         """
         from armdesign import plots
 
-        self.worst(scheme)
         return plots.bandwidth_map(self, ax, scheme, **limits)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.drawing.outlines import DrawnBody
 from armdesign.drawing.plane import PicturePlane
-from armdesign.errors import MachineFileError
+from armdesign.errors import ArmDesignError, MachineFileError
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -90,6 +90,17 @@ def drawn_ranges(machine: Machine) -> Array:
         return machine.ranges
     except MachineFileError:
         return machine.arm.limits
+
+
+def refuse_other_joints(machine: Machine, other: Machine) -> None:
+    """Refuse a machine that cannot take the poses of another.
+
+    Raises:
+        ArmDesignError: it has other joints.
+    """
+    if other.joints != machine.joints:
+        fault = f"has other joints ({', '.join(other.joints)})"
+        raise ArmDesignError(other.name, fault, f"give one with {', '.join(machine.joints)}")
 
 
 def middle_pose(machine: Machine) -> Array:

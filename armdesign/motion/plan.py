@@ -100,11 +100,11 @@ def plan_move(
     poses = np.vstack([joint_positions(model, start), joint_positions(model, end)])
     refuse_unheld(model, poses)
     refuse_overcome(Plant(at_rest(model, poses[0])), model.at(poses))
+    masses = _masses(model, spread)
 
     def planned(share: float) -> Move:
         fastest = [fastest_leg(model, *pair, share) for pair in pairwise(poses)]
         legs = fastest if duration is None else _within(model, fastest, duration)
-        masses = _masses(model, spread)
         way = way_modes(model, legs)
         if isinstance(shaper, str):
             chosen, paces = shaper_for(shaper, way, masses, modes, damping)

@@ -34,8 +34,6 @@ TITLES = {
     "damped": "+ pressure feedback,\ncommon gains",
     "own": "+ pressure feedback,\nown gains",
 }
-
-
 MAPPED = ("proportional", "damped", "own")  # the individual map hardly differs: slowest loops
 
 
@@ -55,9 +53,12 @@ def bandwidth_map(
 
     Returns:
         The axes.
+
+    Raises:
+        ArmDesignError: there is no such scheme.
     """
+    worst, machine = bandwidths.worst(scheme), bandwidths.machine
     ax = figure()[1][0] if ax is None else ax
-    machine = bandwidths.machine
     drawn = drawn_joints(machine)
     ax.set_title(TITLES[scheme], fontsize=11)
     if len(drawn) == 1:
@@ -70,7 +71,7 @@ def bandwidth_map(
     style = {"norm": "log", "vmin": max(low, 1e-3 * high), "vmax": high}
     heatmap(ax, joint_values(first, x), joint_values(second, y), least, style, BANDWIDTH)
     for row, colour, words in (
-        (bandwidths.worst(scheme), MARK, "worst bandwidth"),
+        (worst, MARK, "worst bandwidth"),
         (bandwidths.softest, COMPUTED, "at the lowest frequency"),
     ):
         at = [float(joint_values(one, row[one.name])) for one in (first, second)]

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.drawing.colours import actuator_colours
-from armdesign.drawing.joint_arcs import middle_pose
+from armdesign.drawing.joint_arcs import middle_pose, refuse_other_joints
 from armdesign.drawing.moved_pins import PinMove, changed_bars, moved_pins
 from armdesign.drawing.side_view import SideView, side_view
-from armdesign.errors import ArmDesignError
 from armdesign.plots.canvas import INK, MARK, Style, literal
 from armdesign.plots.labels import Label, place_labels
 from armdesign.plots.machine_words import faults, number, pose_words, sizes_legend
@@ -47,9 +46,7 @@ def machine_overlay(
     Returns:
         The axes.
     """
-    if new.joints != old.joints:
-        fault = f"has other joints ({', '.join(new.joints)})"
-        raise ArmDesignError(new.name, fault, f"give one with {', '.join(old.joints)}")
+    refuse_other_joints(old, new)
     pose = middle_pose(old) if q is None else q
     before, after = side_view(old, pose), side_view(new, pose)
     limits = extent([before, after])

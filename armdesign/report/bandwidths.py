@@ -135,7 +135,7 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
             f" {float(gain_margin_db(margin)):.1f} dB,"
             f" {float(phase_margin(margin)) / deg:.0f} deg; damping: {source}{delay}; widest loop:"
             " bandwidth at the median pose; error of a move at constant speed is that speed times"
-            " the seconds, settles: within 2 % of a step, both at the worst pose; with"
+            " the seconds, settles: within 2 % of a step, each at its worst pose; with"
             f" feed-forward: bandwidth of commands, the valve's gain known within"
             f" {100 * GAIN_ERROR:.0f} %, the rest of the loop as without{_note(maps)}"
         ),

@@ -9,8 +9,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.control.stated_damping import checked_damping
-from armdesign.drawing.joint_arcs import middle_pose
-from armdesign.errors import ArmDesignError
+from armdesign.drawing.joint_arcs import middle_pose, refuse_other_joints
 from armdesign.frequency.maps import frequency_map
 from armdesign.viewing.region import ReachRegion, region_of
 
@@ -66,9 +65,8 @@ def view_of(
         ArmDesignError: the other machine has other joints, or damping that is none.
         PoseError: a load case exists at no pose.
     """
-    if new is not None and new.joints != machine.joints:
-        fault = f"has other joints ({', '.join(new.joints)})"
-        raise ArmDesignError(new.name, fault, f"give one with {', '.join(machine.joints)}")
+    if new is not None:
+        refuse_other_joints(machine, new)
     checked_damping(damping)
     frequencies = frequency_map(machine, workspace)
     return View(

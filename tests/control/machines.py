@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import control
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -62,3 +63,14 @@ def one_mass(omega: float, ratio: float, valve: float = 1e4, delay: float = 0.0)
         valve_damping=one[0],
         delay=delay,
     )
+
+
+def margin_of_loop(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, loop: int, omega: np.ndarray
+) -> float:
+    """Disk margin by python-control of one position loop of ẋ = A x + B q_r, q = C x.
+
+    T = q/q_r of the joint; opened at its position error the loop is L = T/(1 − T).
+    """
+    opened = control.ss(A + B[:, [loop]] @ C[[loop]], B[:, [loop]], C[[loop]], 0)
+    return float(control.disk_margins(opened, omega, skew=0.0)[0])

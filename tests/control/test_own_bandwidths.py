@@ -17,7 +17,14 @@ from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.own_bandwidths import STARTS, Schemes, _next
 from armdesign.control.tuning import Task, safe, stable
-from tests.control.machines import WORST, many_plants, rigid, single_pose, worst_plant
+from tests.control.machines import (
+    WORST,
+    many_plants,
+    margin_of_loop,
+    rigid,
+    single_pose,
+    worst_plant,
+)
 
 AIM = ControlOptions().aim
 DENSE = (60, 900, 41)  # frequencies, a dozen times as many as gains are found with
@@ -57,13 +64,9 @@ def test_loops_of_own_gains_by_python_control(loop: int) -> None:
     ours = Loops.of(plant, DENSE).figures(controller).loop_margins[:, loop]
     A, B, C = closed_loop(plant, controller)
     for pose in range(len(plant)):
-        # T = q/q_r of one joint; opened at its position error it is L = T/(1 − T).
         closed = control.ss(A[pose], B[pose][:, [loop]], C[[loop]], 0)
-        opened = control.ss(
-            A[pose] + B[pose][:, [loop]] @ C[[loop]], B[pose][:, [loop]], C[[loop]], 0
-        )
         omega = np.geomspace(0.01, 100, 4000) * plant.omega[pose]
-        theirs = control.disk_margins(opened, omega, skew=0.0)[0]
+        theirs = margin_of_loop(A[pose], B[pose], C, loop, omega)
         assert theirs == pytest.approx(ours[pose], rel=0.02)
         assert theirs >= 0.99 * AIM.margin
         assert control.poles(closed).real.max() < 1e-3

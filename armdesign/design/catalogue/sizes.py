@@ -104,10 +104,15 @@ def _own(pairs: list[Sequence[float]]) -> Sizes:
         except (TypeError, ValueError):
             fault = f"{pair!r:.60} is not a pair of numbers"
             raise ArmDesignError("catalogue", fault, remedy) from None
-        if not 0 < rod < bore < LARGEST:  # false for NaN too
+        if not _is_cylinder(bore, rod):
             fault = f"({bore:g}, {rod:g}) m is not 0 < rod < bore < {LARGEST:g} m"
             raise ArmDesignError("catalogue", fault, remedy)
     return tuple(sorted({(float(bore), float(rod)) for bore, rod in pairs}))
+
+
+def _is_cylinder(bore: float, rod: float) -> bool:
+    """Whether a cylinder can have bore and rod [m]; not so for NaN."""
+    return 0 < rod < bore < LARGEST
 
 
 def read_sizes(path: str | Path) -> Sizes:
@@ -128,7 +133,7 @@ def read_sizes(path: str | Path) -> Sizes:
         except ValueError:
             part = f"{path}: line {line}"
             raise ArmDesignError(part, "is not a pair of numbers", remedy) from None
-        if not 0 < rod < bore < LARGEST:  # false for NaN too
+        if not _is_cylinder(bore, rod):
             part, fault = f"{path}: line {line}", f"rod {rod / mm:g} mm in bore {bore / mm:g} mm"
             raise ArmDesignError(part, fault, f"give 0 < rod_mm < bore_mm < {LARGEST / mm:g}")
         pairs.append((bore, rod))
