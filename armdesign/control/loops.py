@@ -233,29 +233,35 @@ def _write_figures(loops: LoopArguments, omega: Array, figures: LoopFigures) -> 
     S_c, S = np.empty((count, nc, nc), np.complex128), np.empty((count, nq, nq), np.complex128)
     for pose in range(len(omega)):
         last, last_command = np.ones(nq), np.ones(nq)
-        figures.bandwidth[pose], figures.command_bandwidth[pose] = 0.0, 0.0
-        figures.loop_margins[pose] = np.inf
+        for i in range(nq):
+            figures.bandwidth[pose, i] = figures.command_bandwidth[pose, i] = 0.0
+            figures.loop_margins[pose, i] = np.inf
         for f in range(count):
             close_loops(loops, pose, f, opened, S_c[f], closed, S[f])
             for i in range(nq):
                 track = closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
-                for size, sizes, widths in (
-                    (abs(1 - S[f, i, i]), last, figures.bandwidth[pose]),
-                    (abs(track), last_command, figures.command_bandwidth[pose]),
-                ):
-                    if widths[i] == 0.0 and size < HALF:
-                        widths[i] = crossing(omega[pose], f, sizes[i], size, HALF)
-                    sizes[i] = size
+                _cross(omega[pose], f, abs(1 - S[f, i, i]), last, figures.bandwidth[pose], i)
+                widths = figures.command_bandwidth[pose]
+                _cross(omega[pose], f, abs(track), last_command, widths, i)
                 both = abs(S[f, i, i] - 0.5)
                 figures.loop_margins[pose, i] = min(figures.loop_margins[pose, i], 1 / both)
         figures.peak[pose] = largest_norm(S)
-        for i in range(nq):
-            S[:, i, i] -= 0.5
-        for i in range(nc):
-            S_c[:, i, i] -= 0.5
+        for f in range(count):
+            for i in range(nq):
+                S[f, i, i] -= 0.5
+            for i in range(nc):
+                S_c[f, i, i] -= 0.5
         figures.command_margin[pose] = 1 / largest_norm(S_c)
         figures.position_margin[pose] = 1 / largest_norm(S)
         for i in range(nq):
             for widths in (figures.bandwidth[pose], figures.command_bandwidth[pose]):
                 if widths[i] == 0.0:
-                    widths[i] = omega[pose, -1]
+                    widths[i] = omega[pose, count - 1]
+
+
+@compiled
+def _cross(omega: Array, f: int, size: float, last: Array, widths: Array, i: int) -> None:
+    """Write where the response of loop i, of this size at frequency f, falls below −3 dB first."""
+    if widths[i] == 0.0 and size < HALF:
+        widths[i] = crossing(omega, f, last[i], size, HALF)
+    last[i] = size

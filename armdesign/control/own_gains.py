@@ -112,25 +112,27 @@ def _improve(
     search: _Search, rows: Array, starts: Array, near: Array, noise: Array, x: Array, scores: Array
 ) -> None:
     nq = search.loops.gains.shape[1]
-    start, trial, best_start = np.empty(x.shape[1]), np.empty(x.shape[1]), np.empty(x.shape[1])
+    trial, best_start = np.empty(x.shape[1]), np.empty(x.shape[1])
     for pose in rows:
         search.last_missed[:] = 0
-        best, best_start[:] = scores[pose], x[pose]
+        best = scores[pose]
+        _copy(x[pose], best_start)
         count = near.shape[1]
         for k in range(count + starts.shape[1]):
             if k < count and scores[near[pose, k]] == -np.inf:
                 continue
-            start[:] = x[near[pose, k]] if k < count else starts[pose, k - count]
+            start = x[near[pose, k]] if k < count else starts[pose, k - count]
             for share in SHARES:
-                trial[:] = start
-                trial[:nq] += math.log(share)
+                for i in range(len(start)):
+                    trial[i] = start[i] + (math.log(share) if i < nq else 0.0)
                 score = _score_if_better(search, pose, trial, best)
                 if score > best:
-                    best, best_start[:] = score, trial
+                    best = score
+                    _copy(trial, best_start)
                     break
         if best > -np.inf:
             scores[pose] = _evolve(search, pose, best_start, best, noise)
-            x[pose] = best_start
+            _copy(best_start, x[pose])
 
 
 @compiled
@@ -138,24 +140,28 @@ def _evolve(search: _Search, pose: int, x: Array, best: float, noise: Array) -> 
     """Score of the best logarithms of gains near x, which takes their place; (1+1)-CMA-ES."""
     n = len(x)
     damping, path_rate, rate = 1 + n / 2, 2 / (n + 2), 2 / (n**2 + 6)
-    step, success, path = STEP, GOAL, np.zeros(n)
+    step, success, path, trial = STEP, GOAL, np.zeros(n), np.empty(n)
     covariance: Array = np.eye(n)
     turned: Array = np.eye(n)
     for number in range(len(noise)):
         change = turned @ noise[number]
-        trial = x + step * change
+        for i in range(n):
+            trial[i] = x[i] + step * change[i]
         score = _score_if_better(search, pose, trial, best)
         success = (1 - SMOOTH) * success + (SMOOTH if score > best else 0.0)
         step *= math.exp((success - GOAL) / (1 - GOAL) / damping)
         if score > best:
-            best, x[:] = score, trial
-            path = (1 - path_rate) * path
-            keep = 1 - rate
-            if success < OFTEN:
-                path += math.sqrt(path_rate * (2 - path_rate)) * change
-            else:
-                keep += rate * path_rate * (2 - path_rate)
-            covariance = keep * covariance + rate * np.outer(path, path)
+            best = score
+            _copy(trial, x)
+            seldom = success < OFTEN
+            for i in range(n):
+                path[i] *= 1 - path_rate
+                if seldom:
+                    path[i] += math.sqrt(path_rate * (2 - path_rate)) * change[i]
+            keep = 1 - rate + (0.0 if seldom else rate * path_rate * (2 - path_rate))
+            for i in range(n):
+                for j in range(n):
+                    covariance[i, j] = keep * covariance[i, j] + rate * (path[i] * path[j])
             turned = np.linalg.cholesky(covariance)
         if step < LEAST_STEP:
             break
@@ -191,11 +197,29 @@ def _score_if_better(search: _Search, pose: int, x: Array, best: float) -> float
                         crossings[level, i] = crossing(omega, f, last[i], size, at)
                 last[i] = size
             if f == count - 1 or crossings.min() > 0.0:  # the rest is but for the margin
-                logs = np.log(np.where(crossings > 0, crossings, search.omega[pose, -1]))
-                score = logs[0].min() + LOWER * logs[1].min() + MEAN * logs[0].mean()
+                score = _score(crossings, search.omega[pose, count - 1])
                 if score <= best:
                     return -np.inf
     return score
+
+
+@compiled
+def _score(crossings: Array, highest: float) -> float:
+    """How wide loops are that cross levels at frequencies (levels, nq); 0: above the highest."""
+    count = crossings.shape[1]
+    narrowest, lower, total = np.inf, np.inf, 0.0
+    for i in range(count):
+        log = math.log(crossings[0, i] if crossings[0, i] > 0 else highest)
+        narrowest, total = min(narrowest, log), total + log
+        lower = min(lower, math.log(crossings[1, i] if crossings[1, i] > 0 else highest))
+    return narrowest + LOWER * lower + MEAN * total / count
+
+
+@compiled
+def _copy(values: Array, into: Array) -> None:
+    """Write values (n,) into another array: where a slice is set, numba compiles far more."""
+    for i in range(len(values)):
+        into[i] = values[i]
 
 
 @compiled
