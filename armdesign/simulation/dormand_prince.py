@@ -201,4 +201,5 @@ def _take_step(
                 change += weight * share * stages.slopes[k, row, i]
             records.states[record, i] = rows.state[row, i] + h * change
         records.done[case] = record
-    rows.state[row], rows.slope[row] = stages.ahead[row], stages.slopes[6, row]
+    for i in range(rows.state.shape[1]):
+        rows.state[row, i], rows.slope[row, i] = stages.ahead[row, i], stages.slopes[6, row, i]
