@@ -19,6 +19,7 @@ from armdesign.control.settling import WITHIN, settling_time, tracking_error
 from armdesign.control.tuning import Task, proportional, stable
 from tests.control.machines import many_plants, margin_of_loop
 
+SLOW = pytest.mark.slow
 AIM = ControlOptions().aim
 DENSE = (60, 900, 41)  # frequencies, a dozen times as many as gains are found with
 
@@ -64,7 +65,7 @@ def test_hardly_a_loop_can_be_raised_further() -> None:
     assert kept(np.where(slowest, 1.12, 1.0)).mean() < 0.05
 
 
-@pytest.mark.parametrize("pose", [0, 17, 31])
+@pytest.mark.parametrize("pose", [0, pytest.param(17, marks=SLOW), pytest.param(31, marks=SLOW)])
 def test_the_slowest_loop_is_that_of_differential_evolution(pose: int) -> None:
     """6 000 evaluations find no slowest loop that is 10 % faster; within 3 % gains are found."""
     plant = many_plants()[np.array([pose])]
@@ -84,7 +85,7 @@ def test_the_slowest_loop_is_that_of_differential_evolution(pose: int) -> None:
     assert own.figures.narrowest[0] > theirs.narrowest[0] / 1.1
 
 
-@pytest.mark.parametrize("loop", [0, 1, 2])
+@pytest.mark.parametrize("loop", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW)])
 def test_each_loop_by_python_control(loop: int) -> None:
     """The others closed: disk margin of the position loop at ten poses."""
     plant = many_plants()[np.arange(0, 50, 5)]
@@ -99,6 +100,7 @@ def test_each_loop_by_python_control(loop: int) -> None:
         assert theirs >= 0.98 * AIM.margin
 
 
+@SLOW
 def test_figures_in_time_of_every_scheme() -> None:
     """Of so slow loops without feedback a lag K/(K + s): ln 50/K to settle, an error of 1/K.
 
@@ -154,6 +156,7 @@ def test_pressures_that_creep_with_air_do_not_count_in_time() -> None:
         np.testing.assert_allclose(settles, lag, rtol=0.5)
 
 
+@SLOW
 def test_schedule_without_pressure_feedback() -> None:
     """Stable with margin at the poses of the map; gains as in gains.csv."""
     machine = ad.load("excavator_20t")

@@ -89,7 +89,9 @@ def test_the_page() -> None:
     assert text.count(SHOWN) == 3 + 3 + 2 + 5
 
 
-@pytest.mark.parametrize("command", ["check", "map", "compare"])
+@pytest.mark.parametrize(
+    "command", ["check", "map", pytest.param("compare", marks=pytest.mark.slow)]
+)
 def test_commands(
     command: str,
     tmp_path: Path,

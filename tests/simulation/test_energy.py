@@ -29,7 +29,11 @@ def step_until(size: float, until: float = 0.3) -> Step:
 
 
 @pytest.mark.parametrize(
-    "name", ["excavator_20t", "heavy_bars", "spatial", "crossing", "branched", "redundant"]
+    "name",
+    [
+        *("excavator_20t", "spatial", "crossing", "branched", "redundant"),
+        pytest.param("heavy_bars", marks=pytest.mark.slow),
+    ],
 )
 def test_balance_closes(name: str) -> None:
     """Kinetic and potential energy are Pinocchio's, all else is booked apart from them; leaks,
