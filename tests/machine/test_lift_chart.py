@@ -242,6 +242,11 @@ BAD = [
         r'lift_chart.joints: "bucket" does not raise the point on the bucket; choose from: boom,',
     ),
     (
+        'joints = ["boom", "stick", "bucket"]',
+        r"lift_chart.joints: 3 joints, but two bring a point to a reach and a height; others stand"
+        r" at the middle of their range: choose at most two of: boom, stick \(line \d+\)",
+    ),
+    (
         "from_m = 50",
         r"lift_chart.from_m: the chart begins at a reach of 50 m, beyond that of the point on the"
         r" bucket \(x 0, z 0 mm\); it reaches from 1.4 to 8.45 m: give from_m and step_m within",
