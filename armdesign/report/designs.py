@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +24,12 @@ if TYPE_CHECKING:
     from armdesign.mechanism.linkage.base import Pin
 
 NEAREST = 6  # requirements shown where sizes come in steps
+SHARES = {  # of today's, by column of a trade-off: its head, and in words
+    "oil_share": ("oil", "oil"),
+    "thrust_share": ("thrust", "largest thrust"),
+    "digging_share": ("digging", "least digging torque"),
+    "lift_share": ("lift", "least lift of all points of the lift chart"),
+}
 
 
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
@@ -264,23 +272,24 @@ def binding_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
 
 def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     """Best designs of a trade-off, a row for each limit, relative to today's machine."""
-    box = front.against == "pin_box"
-    digs, first = "digging_share" in front.frame, front.designs[0]
-    banded = [f"{first.band_before.low.frequency:.3f} Hz", ""] if front.robust else []
-    rows = [
-        ("today", f"{first.before.worst.frequency:.3f} Hz", "", *banded, *3 * ("",), *digs * ("",))
-    ]
+    names = [name for name in SHARES if name in front.frame and front.frame[name].notna().any()]
+    banded = ("banded_hz", "least_gain") if front.robust else ()
+    shown = ("frequency_hz", "gain", *banded, *names, "squared_times_speed")
+    texts: dict[str, Callable[[float], str]] = {"gain": percent, "least_gain": percent}
+    texts |= {name: "{:.3f} Hz".format for name in ("frequency_hz", "banded_hz")}
+    texts["squared_times_speed"] = "{:.2f}".format
+    first = front.designs[0]
+    known = {"frequency_hz": first.before.worst.frequency}
+    if front.robust:
+        known["banded_hz"] = first.band_before.low.frequency
+    rows = [("today", *(texts[name](known[name]) if name in known else "" for name in shown))]
+    of_limit = "{:g}".format if front.against != "pin_box" else partial(units.text, unit="m")
     for row in front.frame.to_dict("records"):
-        shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
-        limit = units.text(row["limit"], "m") if box else f"{row['limit']:g}"
-        cells = [f"{row['frequency_hz']:.3f} Hz", percent(row["gain"])]
-        if front.robust:
-            cells += [f"{row['banded_hz']:.3f} Hz", percent(row["least_gain"])]
-        cells += [*(f"{share:.3f}" for share in shares), f"{row['squared_times_speed']:.2f}"]
-        rows.append((limit, *cells))
+        cells = (texts.get(name, "{:.3f}".format)(row[name]) for name in shown)
+        rows.append((of_limit(row["limit"]), *cells))
     columns = ["limit", "frequency", "gain", *front.robust * ["in the bands", "least gain"]]
-    columns += ["oil", "thrust", *digs * ["digging"], "f² × speed"]
-    quantities = "oil, largest thrust, least digging torque and f² × speed"
+    columns += [*(SHARES[name][0] for name in names), "f² × speed"]
+    quantities = f"{', '.join(SHARES[name][1] for name in names)} and f² × speed"
     each = "; oil of each cylinder side at most 1.1 × the limit" if front.against == "oil" else ""
     return Sheet(
         title=(
