@@ -305,7 +305,7 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "limit": limit,
         "frequency_hz": after,
         "unrounded_hz": design.unrounded,
-        "gain": after / before - 1 if before > 0 else math.inf,
+        "gain": design.gain,
         **(
             {"banded_hz": design.band_after.low.frequency, "least_gain": design.least_gain}
             if design.problem.dynamics.corners.bands != Bands()

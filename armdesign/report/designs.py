@@ -77,7 +77,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     return Sheet(
         title=f"{title}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
-        rows=(*rows, ("gain", percent(after.frequency / before.frequency - 1), "", "")),
+        rows=(*rows, ("gain", percent(design.gain), "", "")),
         note=_vanishing(design) + "; ".join(notes) + _bound(design) + reached,
         bold=(2,),
     )
@@ -317,9 +317,12 @@ def steps_sheet(answer: Steps) -> Sheet:
                 f"{step.searched} of {step.sets}",
             )
         )
+    gain, of = "least gain", ", least gain within the bands"
+    if not answer.robust:
+        gain, of = "gain", ", for which alone the designs were made"
     notes = [
-        "worst frequency at the file's values, least gain within the bands, least lift over"
-        " today's of all points of the lift chart"
+        f"worst frequency at the file's values{of}; least lift over today's of all points of the"
+        " lift chart"
     ]
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
@@ -327,7 +330,7 @@ def steps_sheet(answer: Steps) -> Sheet:
         notes.append(f"all sets with free sizes; the {most} best are built, and the best of these")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
-        columns=("pins that move", "worst", "least gain", "least lift", "changed", "sets"),
+        columns=("pins that move", "worst", gain, "least lift", "changed", "sets"),
         rows=tuple(rows),
         note="; ".join([*notes, *answer.sentences]),
         words=("changed",),
@@ -337,14 +340,13 @@ def steps_sheet(answer: Steps) -> Sheet:
 def summary(design: Design) -> str:
     """The result in one sentence."""
     before, after = design.before.worst, design.after.worst
-    gain = 100 * (after.frequency / before.frequency - 1)
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
     if stuck := spring_note(design.machine, after.cylinder):
         limiting += f"; {stuck}"
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
-        f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"
-        f" limits; {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
+        f" {after.frequency:.3f} Hz ({percent(design.gain)}) with the same joint ranges, oil and"
+        f" thrust limits; {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
     )
 
 
