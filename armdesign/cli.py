@@ -228,7 +228,7 @@ def check(run: OverWorkspace) -> None:
     from armdesign.frequency.workspace import Workspace
     from armdesign.inspection import file_faults
     from armdesign.inspection.inspection import inspect
-    from armdesign.report.inspections import check_sheets
+    from armdesign.report.inspections import check_sheets, lift_faults
     from armdesign.report.lift_charts import lift_charts
 
     counts = grid_points(run.points)
@@ -236,6 +236,8 @@ def check(run: OverWorkspace) -> None:
         faults = file_faults.faults(run.machine, allow_outside=run.allow_outside)
         if not faults:
             model = run.load(run.machine)
+            faults = list(lift_faults(model))
+        if not faults:
             inspection = inspect(model, Workspace.grid(model, counts))
             sheets = check_sheets(inspection, run.units.units)
     run.refuse(faults)

@@ -216,6 +216,12 @@ class Design:
         return frequency_band(self.machine, self.workspace, self.bands, today=self.today)
 
     @property
+    def gain(self) -> float:
+        """Relative gain in the worst frequency with the file's values; inf where today's is 0."""
+        before, after = self.before.worst.frequency, self.after.worst.frequency
+        return after / before - 1 if before > 0 else math.inf
+
+    @property
     def least_gain(self) -> float:
         """Least relative gain over today's machine anywhere within the bands; a sample."""
         return self.band_after.least_gain(self.band_before)

@@ -85,8 +85,8 @@ class Pareto:
         ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
         ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose
         digging counts (no column where none does); ``lift_share``: least lift of all points of the
-        lift chart; ``pin_move_m``: largest move of any pin
-        coordinate or bar. ``squared_times_speed``: frequency² × 1/``oil_share``, which is what the
+        lift chart; ``pin_move_m``: largest move of any pin coordinate or bar. All are of the
+        rounded machine. ``squared_times_speed``: frequency² × 1/``oil_share``, which is what the
         pump's flow makes of the speed, over today's.
         """
         import pandas as pd
@@ -301,14 +301,11 @@ def _row(limit: float, design: Design) -> dict[str, float]:
     )
     torques = torque_shares(new, today) if design.requirements.digging else {}
     digging = [torques[name][0] for name in design.requirements.digging]
-    moved = np.abs(design.x[[v.pin is not None for v in design.problem.vector.variables]]).max(
-        initial=0.0
-    )
     return {
         "limit": limit,
         "frequency_hz": after,
         "unrounded_hz": design.unrounded,
-        "gain": after / before - 1 if before > 0 else math.inf,
+        "gain": design.gain,
         **(
             {"banded_hz": design.band_after.low.frequency, "least_gain": design.least_gain}
             if design.problem.dynamics.corners.bands != Bands()
@@ -319,6 +316,9 @@ def _row(limit: float, design: Design) -> dict[str, float]:
         "thrust_share": max(c.bore_area / old.bore_area for c, old in pairs),
         **({"digging_share": float(min(digging))} if digging else {}),
         "lift_share": design.lift_share,
-        "pin_move_m": float(moved * design.problem.vector.pin_box),
+        "pin_move_m": max(
+            (check.value for check in design.checks if check.name.startswith("pin_box.")),
+            default=0.0,
+        ),
         "squared_times_speed": (after / before) ** 2 / oil if before > 0 else math.inf,
     }

@@ -70,8 +70,8 @@ class DesignStep:
 
     @property
     def gain(self) -> float:
-        """Least gain in the worst frequency within the bands."""
-        return self.design.least_gain
+        """Gain in the worst frequency: the least within the bands it was made for, if any."""
+        return _gain(self.design)
 
     def plot(self, plane: str = "joints") -> Figure:
         """Figure of its design: maps of today's and the new machine."""
@@ -114,6 +114,11 @@ class Steps:
     left_out: dict[int, str]
 
     @property
+    def robust(self) -> bool:
+        """Whether the designs were made for bands."""
+        return _robust(self.steps[0].design)
+
+    @property
     def headline(self) -> str:
         """Machine, and the gain of each step."""
         gains = ", ".join(f"{percent(one.gain)} by {len(one.pins)}" for one in self.steps)
@@ -129,9 +134,10 @@ class Steps:
     def frame(self) -> pd.DataFrame:
         """A row for each step.
 
-        ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands;
-        ``worst_hz`` at the file's values; ``lift_share``, the least over the lift chart;
-        ``changed`` parts; ``searched`` of ``sets`` with free sizes, and ``built`` of these.
+        ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands that
+        the designs were made for, without bands that of ``worst_hz``; ``worst_hz`` at the file's
+        values; ``lift_share``, the least over the lift chart; ``changed`` parts; ``searched`` of
+        ``sets`` with free sizes, and ``built`` of these.
         """
         import pandas as pd
 
@@ -190,7 +196,7 @@ def steps(
         ...     print(len(step.pins), f"{step.gain:+.1%}", *step.pins)
         ...
         0 +0.0%
-        1 +11.6% cylinder.lift.rod_end
+        1 +16.0% cylinder.lift.rod_end
         2 +16.0% cylinder.lift.base cylinder.lift.rod_end
     """
     requirements = requirements or Requirements.of(machine)
@@ -254,6 +260,15 @@ def _rising(
     return Steps(today=machine, steps=tuple(done), left_out=left_out)
 
 
+def _robust(design: Design) -> bool:
+    return design.made_for in ("gain", "worst")
+
+
+def _gain(design: Design) -> float:
+    """Gain of what a design was made for: within its bands, or with the file's values."""
+    return design.least_gain if _robust(design) else design.gain
+
+
 def _pins(machine: Machine) -> Pins:
     """Key paths of all pins that can move."""
     paths = []
@@ -311,7 +326,7 @@ def _best(known: dict[Pins, Search], count: int) -> list[Pins]:
 def _best_built(designs: list[Design | InfeasibleError]) -> Design | InfeasibleError:
     """The design that gains most; without any, why the first is none."""
     found = (design for design in designs if isinstance(design, Design))
-    return max(found, key=lambda design: design.least_gain, default=designs[0])
+    return max(found, key=_gain, default=designs[0])
 
 
 def _designs(

@@ -15,8 +15,10 @@ from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
 from armdesign.machine.file.schema import share_of
+from armdesign.machine.poses import pose_text
+from armdesign.machine.tipping import centre_ahead
 from armdesign.mechanism.urdf import Joint
-from armdesign.units import Units
+from armdesign.units import Units, mm
 
 if TYPE_CHECKING:
     from armdesign.inspection.inspection import Inspection, StaticLoad
@@ -48,7 +50,8 @@ def oddities(inspection: Inspection, units: Units) -> list[Finding]:
         odd += _of_joint(inspection, j, units)
     for case in machine.payloads:
         odd += _of_load_case(inspection, case.name, units)
-    odd += [*_of_idle(inspection), *_of_oil_and_loads(inspection), *_of_bands(machine)]
+    odd += [*_of_idle(inspection), *_of_stability(inspection, units)]
+    odd += [*_of_oil_and_loads(inspection), *_of_bands(machine)]
     return [Finding(part=part, words=words) for part, words in odd]
 
 
@@ -190,6 +193,29 @@ def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
             frozen = f"joint {joints[0]} is" if one else f"joints {', '.join(joints)} are"
             so = "so that it moves nothing and no requirement counts for it"
             yield f"cylinder.{name}", f"idle: {frozen} frozen, {so}"
+
+
+def _of_stability(inspection: Inspection, units: Units) -> Iterator[Oddity]:
+    """Tipping lines beyond which the unloaded machine's own centre of mass lies at some poses."""
+    machine, stability = inspection.machine, inspection.machine.section.stability
+    centre = centre_ahead(machine, inspection.workspace.rigid)
+    if stability is None or centre is None:
+        return
+    front, rear = stability.front_mm, stability.rear_mm
+    lines = (("front", front, "ahead of", 1), ("rear", rear, "behind", -1))
+    for edge, line, where, side in lines:
+        beyond = side * centre - line * mm
+        worst = int(beyond.argmax())
+        if beyond[worst] > 0:
+            share = 100 * weighted_share(beyond > 0, inspection.workspace.weights)
+            at, past = (units.text(x, "m") for x in (side * centre[worst], beyond[worst]))
+            pose = pose_text(machine, inspection.workspace.q[worst], units)
+            yield (
+                f"stability.{edge}_mm",
+                f"unloaded it tips over its {edge} edge at {share:.0f} % of the poses: its centre"
+                f" of mass is up to {at} {where} the slew axis, {past} beyond that edge,"
+                f" at {pose}",
+            )
 
 
 def _of_oil_and_loads(inspection: Inspection) -> Iterator[Oddity]:

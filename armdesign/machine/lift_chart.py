@@ -264,6 +264,10 @@ def _point_and_joints(machine: Machine, section: LiftChartSection) -> tuple[Pin,
     else:
         joints = tuple(machine.joints.index(name) for name in section.joints)
     names = ", ".join(machine.joints[j] for j in raising) or "none"
+    if len(joints) > 2:
+        fault = f"{len(joints)} joints, but two bring a point to a reach and a height"
+        remedy = f"others stand at the middle of their range: choose at most two of: {names}"
+        raise _fault(machine, "joints", fault, remedy)
     for j in joints:
         if j not in raising:
             fault = f'"{machine.joints[j]}" does not raise the point on the {point.link}'

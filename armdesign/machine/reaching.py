@@ -55,9 +55,15 @@ def within_reach(machine: Machine, q: Array) -> Flags:
     return np.asarray(inside & (machine.margins(q).min(axis=1, initial=np.inf) >= -TOLERANCE))
 
 
-def lattice(machine: Machine, joints: tuple[int, ...], q: Array) -> Array:
-    """Poses (LATTICE ** k, nq) with k joints at even values of their ranges, others as in q."""
-    axes = np.meshgrid(*(over(machine.ranges[j], LATTICE) for j in joints), indexing="ij")
+def lattice(
+    machine: Machine, joints: tuple[int, ...], q: Array, spans: Array | None = None
+) -> Array:
+    """Poses (LATTICE ** k, nq) with k joints at even values of their ranges, others as in q.
+
+    ``spans`` (k, 2) [rad, m] instead of the ranges.
+    """
+    ends = machine.ranges[list(joints)] if spans is None else spans
+    axes = np.meshgrid(*(over(span, LATTICE) for span in ends), indexing="ij")
     nodes = np.tile(q, (LATTICE ** len(joints), 1))
     nodes[:, joints] = np.stack(axes, axis=-1).reshape(len(nodes), -1)
     return nodes

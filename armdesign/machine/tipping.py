@@ -53,6 +53,19 @@ def _about(
     return np.where(beyond, tips, np.inf)
 
 
+def centre_ahead(machine: Machine, rigid: RigidPoses) -> Array | None:
+    """Centre of mass of the unloaded machine (n,) [m] ahead of the slew axis, at n poses.
+
+    None without ``[stability]``, or without any mass.
+    """
+    stability = machine.section.stability
+    if stability is None:
+        return None
+    mass, moment = moving_mass(machine, rigid)
+    whole = stability.mass_kg + mass
+    return (stability.mass_kg * stability.at_mm[0] * mm + moment) / whole if whole else None
+
+
 def moving_mass(machine: Machine, rigid: RigidPoses) -> tuple[float, Array]:
     """Mass [kg] of all that moves but slewing, and its moment (n,) [kg m] ahead of the slew axis.
 

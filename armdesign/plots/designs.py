@@ -108,7 +108,7 @@ def _curves(machine: Machine) -> dict[tuple[str, str], Performance]:
 
 @literal
 def design_steps(steps: Steps, ax: Axes | None = None) -> Any:
-    """Least gain within the bands by number of pins moved, with their names; returns the axes."""
+    """Gain by number of pins moved, with their names; returns the axes."""
     count = len(steps.steps)
     ax = figure(height=max(1.2 + 0.5 * count, 2.2))[1][0] if ax is None else ax
     gains = [100 * step.gain for step in steps.steps]
@@ -124,7 +124,8 @@ def design_steps(steps: Steps, ax: Axes | None = None) -> Any:
     for place, gain, words in zip(places, gains, names, strict=True):
         shown = f"{percent(gain / 100)}   {words or 'cylinders alone'}"
         ax.annotate(shown, (max(gain, 0), place), (4, 0), textcoords="offset points", va="center")
-    ax.set(xlabel="least gain of the worst frequency within the bands [%]")
+    label = "gain of the worst frequency"
+    ax.set(xlabel=f"{f'least {label} within the bands' if steps.robust else label} [%]")
     ax.set_xlim(min(0.0, *gains), 2.2 * max(*gains, 1.0))
     ax.set_title(title_of(steps.today), fontsize=11)
     return ax

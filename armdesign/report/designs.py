@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +24,12 @@ if TYPE_CHECKING:
     from armdesign.mechanism.linkage.base import Pin
 
 NEAREST = 6  # requirements shown where sizes come in steps
+SHARES = {  # of today's, by column of a trade-off: its head, and in words
+    "oil_share": ("oil", "oil"),
+    "thrust_share": ("thrust", "largest thrust"),
+    "digging_share": ("digging", "least digging torque"),
+    "lift_share": ("lift", "least lift of all points of the lift chart"),
+}
 
 
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
@@ -69,7 +77,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     return Sheet(
         title=f"{title}: worst natural frequency in today's workspace",
         columns=("", "frequency", "cylinder", "where"),
-        rows=(*rows, ("gain", percent(after.frequency / before.frequency - 1), "", "")),
+        rows=(*rows, ("gain", percent(design.gain), "", "")),
         note=_vanishing(design) + "; ".join(notes) + _bound(design) + reached,
         bold=(2,),
     )
@@ -264,23 +272,24 @@ def binding_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
 
 def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     """Best designs of a trade-off, a row for each limit, relative to today's machine."""
-    box = front.against == "pin_box"
-    digs, first = "digging_share" in front.frame, front.designs[0]
-    banded = [f"{first.band_before.low.frequency:.3f} Hz", ""] if front.robust else []
-    rows = [
-        ("today", f"{first.before.worst.frequency:.3f} Hz", "", *banded, *3 * ("",), *digs * ("",))
-    ]
+    names = [name for name in SHARES if name in front.frame and front.frame[name].notna().any()]
+    banded = ("banded_hz", "least_gain") if front.robust else ()
+    shown = ("frequency_hz", "gain", *banded, *names, "squared_times_speed")
+    texts: dict[str, Callable[[float], str]] = {"gain": percent, "least_gain": percent}
+    texts |= {name: "{:.3f} Hz".format for name in ("frequency_hz", "banded_hz")}
+    texts["squared_times_speed"] = "{:.2f}".format
+    first = front.designs[0]
+    known = {"frequency_hz": first.before.worst.frequency}
+    if front.robust:
+        known["banded_hz"] = first.band_before.low.frequency
+    rows = [("today", *(texts[name](known[name]) if name in known else "" for name in shown))]
+    of_limit = "{:g}".format if front.against != "pin_box" else partial(units.text, unit="m")
     for row in front.frame.to_dict("records"):
-        shares = [row["oil_share"], row["thrust_share"], *([row["digging_share"]] if digs else [])]
-        limit = units.text(row["limit"], "m") if box else f"{row['limit']:g}"
-        cells = [f"{row['frequency_hz']:.3f} Hz", percent(row["gain"])]
-        if front.robust:
-            cells += [f"{row['banded_hz']:.3f} Hz", percent(row["least_gain"])]
-        cells += [*(f"{share:.3f}" for share in shares), f"{row['squared_times_speed']:.2f}"]
-        rows.append((limit, *cells))
+        cells = (texts.get(name, "{:.3f}".format)(row[name]) for name in shown)
+        rows.append((of_limit(row["limit"]), *cells))
     columns = ["limit", "frequency", "gain", *front.robust * ["in the bands", "least gain"]]
-    columns += ["oil", "thrust", *digs * ["digging"], "f² × speed"]
-    quantities = "oil, largest thrust, least digging torque and f² × speed"
+    columns += [*(SHARES[name][0] for name in names), "f² × speed"]
+    quantities = f"{', '.join(SHARES[name][1] for name in names)} and f² × speed"
     each = "; oil of each cylinder side at most 1.1 × the limit" if front.against == "oil" else ""
     return Sheet(
         title=(
@@ -308,9 +317,12 @@ def steps_sheet(answer: Steps) -> Sheet:
                 f"{step.searched} of {step.sets}",
             )
         )
+    gain, of = "least gain", ", least gain within the bands"
+    if not answer.robust:
+        gain, of = "gain", ", for which alone the designs were made"
     notes = [
-        "worst frequency at the file's values, least gain within the bands, least lift over"
-        " today's of all points of the lift chart"
+        f"worst frequency at the file's values{of}; least lift over today's of all points of the"
+        " lift chart"
     ]
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
@@ -318,7 +330,7 @@ def steps_sheet(answer: Steps) -> Sheet:
         notes.append(f"all sets with free sizes; the {most} best are built, and the best of these")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
-        columns=("pins that move", "worst", "least gain", "least lift", "changed", "sets"),
+        columns=("pins that move", "worst", gain, "least lift", "changed", "sets"),
         rows=tuple(rows),
         note="; ".join([*notes, *answer.sentences]),
         words=("changed",),
@@ -328,14 +340,13 @@ def steps_sheet(answer: Steps) -> Sheet:
 def summary(design: Design) -> str:
     """The result in one sentence."""
     before, after = design.before.worst, design.after.worst
-    gain = 100 * (after.frequency / before.frequency - 1)
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
     if stuck := spring_note(design.machine, after.cylinder):
         limiting += f"; {stuck}"
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
-        f" {after.frequency:.3f} Hz ({gain:+.1f} %) with the same joint ranges, oil and thrust"
-        f" limits; {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
+        f" {after.frequency:.3f} Hz ({percent(design.gain)}) with the same joint ranges, oil and"
+        f" thrust limits; {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
     )
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from armdesign.design.requirements.holding import lift_pose
 from armdesign.design.requirements.places import pins_outside
 from armdesign.design.requirements.settings import Requirements
+from armdesign.errors import ArmDesignError
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions
@@ -13,6 +16,17 @@ from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     from armdesign.inspection.inspection import Inspection
+    from armdesign.machine.machine import Machine
+
+
+def lift_faults(machine: Machine) -> Iterator[ArmDesignError]:
+    """Every lift of the file at which its machine cannot stand, so that designs are refused."""
+    requirements = Requirements.of(machine)
+    for lift in requirements.lifts:
+        try:
+            lift_pose(machine, lift, requirements.holding_share)
+        except ArmDesignError as error:
+            yield error
 
 
 def check_sheets(inspection: Inspection, units: Units = WORKSHOP) -> list[Sheet]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.machine.lift_chart import HYDRAULIC_SHARE, TIPPING_SHARE, LiftChart
+from armdesign.machine.lift_chart import HYDRAULIC_SHARE, TIPPING, TIPPING_SHARE, LiftChart
 from armdesign.machine.lift_chart import lift_chart_if_any as chart_if_any
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units
@@ -68,6 +68,7 @@ def lift_sheet(charts: Mapping[str, LiftChart], units: Units = WORKSHOP) -> Shee
 def _grid(chart: LiftChart, units: Units) -> Sheet:
     """Rows by height, from the highest down, columns by reach."""
     usual = Counter(chart.limiting).most_common(1)[0][0]
+    named = usual if usual == TIPPING else f"the {usual}"
     cells = {
         (height, reach): f"{capacity:.0f}" + ("" if limiting == usual else f" {limiting}")
         for height, reach, capacity, limiting in zip(
@@ -82,7 +83,7 @@ def _grid(chart: LiftChart, units: Units) -> Sheet:
             (f"{height:.3g}", *(cells.get((height, reach), "") for reach in reaches))
             for height in reversed(heights)
         ),
-        note=f"{_note(chart, units)}; limited by the {usual} where nothing else is said",
+        note=f"{_note(chart, units)}; limited by {named} where nothing else is said",
     )
 
 

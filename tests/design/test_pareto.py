@@ -15,6 +15,7 @@ import armdesign as ad
 from armdesign import plots
 from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.pareto import SHARES
+from armdesign.report.designs import pareto_sheet
 from armdesign.units import mm
 from tests import machines
 from tests.design.catalogue.enumeration import enumerated
@@ -183,6 +184,31 @@ def test_against_lift() -> None:
     assert (front.frame["lift_share"] >= np.array(front.limits) - 1e-9).all()
     assert [design.requirements.lift_share for design in front.designs] == [1.0, 0.8]
     assert front.designs[1].unrounded >= front.designs[0].unrounded * (1 - 1e-6)
+    sheet = pareto_sheet(front)
+    column = sheet.columns.index("lift")
+    assert [row[column] for row in sheet.rows] == [
+        "",
+        *(f"{x:.3f}" for x in front.frame["lift_share"]),
+    ]
+    assert "least lift of all points of the lift chart" in (sheet.note or "")
+
+
+def test_pin_moves_are_of_the_machine_as_built() -> None:
+    """The largest change of a pin's coordinate between the two files: whole millimetres where
+    sizes come from a catalogue.
+    """
+    machine = MACHINES["single"]()
+    front = ad.pareto(
+        machine, workspace_of("single"), against="thrust", values=(1.1,), starts=1, catalogue="5mm"
+    )
+    pins = [
+        np.array([pin.at for pin in one.linkages[0].pins])
+        for one in (front.designs[0].machine, machine)
+    ]
+    (move,) = front.frame["pin_move_m"]
+    assert move == pytest.approx(np.abs(pins[0] - pins[1]).max(), abs=1e-12)
+    assert move > 0.01
+    assert front.frame["pin_move_m"][0] * 1000 == pytest.approx(round(1000 * move), abs=1e-6)
 
 
 def test_against_digging_its_cylinders_may_lose_torque() -> None:

@@ -158,10 +158,22 @@ BAD = [
     (["fluid.entrained_air_percent=-1"], "give a number in [0, 50) %"),
     (["cylinder.boom.bore_mm=x"], 'bore_mm: "x" is not allowed'),
     (["cylinder.boom=3"], "is a table; name one of its numbers"),
-    (["cylinder.boom.base.at_mm.3=5"], "did you mean"),
+    (["cylinder.boom.base.at_mm.3=5"], "no such number; cylinder.boom.base.at_mm has: 0, 1, 2"),
+    (
+        ["cylinder.boom.diameter=5"],
+        "no such number; cylinder.boom has: bore_mm, rod_mm, stroke_mm",
+    ),
+    (["cylinder.dipper.bore_mm=5"], "no such number; cylinder has: boom, stick, bucket"),
+    (["links.boom.mass_kg=5"], "links are in its URDF, excavator_20t.urdf; change them there"),
+    (["stability.front_mm=5"], "the file has no [stability]; write it first, with mass_kg, at_mm"),
+    (["spring.foot.at_mm=5"], "the file has no [spring.…]; write it first"),
+    (["requirements.digging_kN.thumb=5"], 'no cylinder "thumb"; choose from: boom, stick, bucket'),
+    (["cylinder.boom.load_holding.setting_bar=5"], "boom.load_holding.side: missing; add side"),
+    (["torque_share.bucket=1"], 'did you mean "requirements.torque_share.bucket"?'),
+    (["supply.pressure_bar.x=1"], "no such number; supply.pressure_bar is one number"),
     (["cylinder.boom.rod_mm=130"], "does not fit the bore"),
     (["tolerances.pins_mm=1"], 'there is no such width; did you mean "pin_mm"?'),
-    (["nothing.at.all=1"], "has no such number; did you mean"),
+    (["nothing.at.all=1"], "has no such number; it has: frozen, tool, payload, fluid"),
 ]
 
 

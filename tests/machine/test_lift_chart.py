@@ -11,6 +11,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import ArmDesignError, LiftChart, Machine
+from armdesign.inspection.inspection import inspect
 from armdesign.machine.lifting import liftable_masses, torque_per_mass
 from armdesign.machine.tipping import moving_mass, tipping_masses
 from tests.machines import BOOM, LIFT, STICK, build, named
@@ -196,6 +197,35 @@ def test_own_weights_by_the_independent_planar_arm() -> None:
     np.testing.assert_allclose(slewed[1], moment, rtol=1e-9)
 
 
+def test_check_remarks_on_a_machine_that_tips_by_itself() -> None:
+    """Its one mass, 300 kg, 120 mm beyond either edge, at every pose; with its arm's weight, by
+    the reference's bodies, at the pose of those looked at whose centre of mass is furthest ahead.
+    """
+
+    def remarks(machine: Machine) -> dict[str, str]:
+        found = inspect(machine, ad.Workspace.grid(machine, points=5)).findings()
+        return {one.part: one.words for one in found if one.part.startswith("stability")}
+
+    for x, edge, where in ((220, "front", "ahead of"), (-220, "rear", "behind")):
+        machine = _standing(named("paper_1dof"), mass=300, x=x, front=100, rear=100)
+        (part,), (words,) = zip(*remarks(machine).items(), strict=True)
+        assert part == f"stability.{edge}_mm"
+        assert words.startswith(
+            f"unloaded it tips over its {edge} edge at 100 % of the poses: its centre of mass is"
+            f" up to 220.0 mm {where} the slew axis, 120.0 mm beyond that edge, at boom "
+        )
+    sound = _standing(named("paper_1dof"), mass=300, x=90, front=100, rear=100)
+    assert remarks(sound) == {}
+    machine, reference = named("excavator_20t"), Reference.load(named("excavator_20t").source)
+    standing = _standing(machine, mass=15000, x=-500, front=300, rear=1500)
+    q = ad.Workspace.grid(machine, points=5).q
+    frames = reference.frames(q)
+    bodies = [body for body in reference.bodies if frames_move(frames, body.link)]
+    moment = sum(b.mass * at(frames, b)[0] for b in bodies) - 15000 * 0.5
+    centre = float(np.max(moment) / (15000 + sum(b.mass for b in bodies)))
+    assert f"up to {1000 * centre:.1f} mm ahead" in remarks(standing)["stability.front_mm"]
+
+
 def frames_move(frames: dict[str, tuple[np.ndarray, ...]], link: str) -> bool:
     return bool(np.ptp(frames[link][2]) > 0)
 
@@ -240,6 +270,11 @@ BAD = [
     (
         'joints = ["boom", "bucket"]',
         r'lift_chart.joints: "bucket" does not raise the point on the bucket; choose from: boom,',
+    ),
+    (
+        'joints = ["boom", "stick", "bucket"]',
+        r"lift_chart.joints: 3 joints, but two bring a point to a reach and a height; others stand"
+        r" at the middle of their range: choose at most two of: boom, stick \(line \d+\)",
     ),
     (
         "from_m = 50",

@@ -12,13 +12,14 @@ from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number, shares
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.machine.file.schema import LiftSection, Shares, share_of
 from armdesign.machine.lifting import liftable, liftable_masses, torque_per_mass
 from armdesign.machine.machine import Machine
+from armdesign.machine.out_of_reach import place_out_of_reach, pose_out_of_reach
 from armdesign.machine.poses import static_forces
-from armdesign.machine.reaching import poses_reaching, within_reach
+from armdesign.machine.reaching import poses_reaching
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.units import mm
@@ -199,30 +200,37 @@ def lift_pose(machine: Machine, lift: Lift, shares: Shares) -> LiftPose:
     Raises:
         ArmDesignError: too few or too many joints given, or a pose out of reach.
     """
-    part = f"requirements.lift.{lift.name}"
     fixed = np.array([joint in lift.joints for joint in machine.joints])
     free, placed = np.flatnonzero(~fixed), lift.reach is not None
     if placed != (lift.height is not None):
-        raise ArmDesignError(part, "has only one of reach and height", "give both or none")
+        raise _fault(machine, lift, "has only one of reach and height", "give both or none")
     if len(free) != (2 if placed else 0):
         names = ", ".join(machine.joints[j] for j in free) or "none"
         wanted = "two are left for reach and height to decide" if placed else "all stand somewhere"
-        raise ArmDesignError(
-            part, f"leaves these joints free: {names}", f"give joints so that {wanted}"
-        )
+        fault = f"leaves these joints free: {names}"
+        raise _fault(machine, lift, fault, f"give joints so that {wanted}")
     q = np.array([lift.joints.get(joint, 0.0) for joint in machine.joints])
     point = lift.point(machine)
     if placed:
-        place = np.array([[lift.reach, lift.height]])
-        poses, _ = poses_reaching(machine, point, tuple(map(int, free)), q, place)
+        joints, place = tuple(map(int, free)), np.array([lift.reach, lift.height])
+        poses, _ = poses_reaching(machine, point, joints, q, place[None])
+        if len(poses) == 0:
+            raise _fault(machine, lift, *place_out_of_reach(machine, point, joints, q, place))
     else:
-        poses = q[None][within_reach(machine, q[None])]
-    if len(poses) == 0:
-        raise ArmDesignError(
-            part, "no pose in the joint ranges does that", "ask for another pose or place"
-        )
+        if reason := pose_out_of_reach(machine, q):
+            raise _fault(machine, lift, *reason)
+        poses = q[None]
     rigid = machine.rigid_poses(poses)
     torque = torque_per_mass(machine, rigid, point)
     masses = liftable_masses(machine, rigid, torque, every_share(machine, shares))
     best = int(masses.min(axis=1).argmax())
     return LiftPose(lift, rigid[best : best + 1], torque[best : best + 1])
+
+
+def _fault(machine: Machine, lift: Lift, fault: str, remedy: str) -> ArmDesignError:
+    """A fault of a lift, with the line of the file that states it, if one does."""
+    path = f"requirements.lift.{lift.name}"
+    if lift.name not in machine.section.requirements.lift:
+        return ArmDesignError(path, fault, remedy)
+    source, line = machine.source.name, machine.line_of(path)
+    return MachineFileError(f"{source}: {path}", fault, remedy, line)

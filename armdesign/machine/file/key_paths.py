@@ -132,6 +132,8 @@ def _how_many(constraints: list[Any]) -> str:
     least, most = lengths(constraints)
     if least == most:
         return f"{least} values"
+    if most is not None:
+        return f"{least} to {most} values"
     return f"at least {least}" if least else "any number of values"
 
 

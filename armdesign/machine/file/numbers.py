@@ -6,12 +6,21 @@ words are none.
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.machine.file.key_paths import Location, allowed, annotation, bounds, unit_of
+from armdesign.machine.file.key_paths import (
+    Location,
+    allowed,
+    annotation,
+    bounds,
+    is_table,
+    unit_of,
+)
 from armdesign.machine.file.schema import BY_ACTUATOR, MachineSection, TolerancesSection
 from armdesign.machine.file.section import Section
 
@@ -95,7 +104,7 @@ def chosen_numbers(section: MachineSection, path: str, part: str) -> list[Number
     known = {name: number for name, number in every if number.location[0] != "tolerances"}
     chosen = [number for name, number in known.items() if _names(path, number, name)]
     if not chosen:
-        raise ArmDesignError(part, *_unknown(path, list(known)))
+        raise ArmDesignError(part, *(_missing_table(section, path) or _unknown(path, list(known))))
     return chosen
 
 
@@ -121,15 +130,53 @@ def _unknown(path: str, known: list[str]) -> tuple[str, str]:
             return "is no number that can vary", f"name one such as {_nearest(path, known)}"
         # one number there, or none, is for all
         share = table == "tolerances" or table.rpartition(".")[2] in BY_ACTUATOR
-        if share or any(name.rpartition(".")[0] == table for name in known):
+        holder, first = (
+            annotation(location[: (depth := _known_parts(path, known))])[0],
+            location[depth],
+        )
+        if share or (is_table(holder) and first in holder.model_fields):
             return "has no value in the file", f"write one first: {limits}"
     if location[0] == "tolerances":
         return "there is no such width", choose(leaf, list(TolerancesSection.model_fields))
-    alike = [name for name in known if name.rpartition(".")[2] == leaf]
-    remedy = choose(path, alike) if alike else choose(path, known)
-    if len(remedy) > 200:
-        remedy = f"did you mean {_nearest(path, known)}?"
-    return "the machine file has no such number", remedy
+    return "the machine file has no such number", _meant(path, known)
+
+
+def _missing_table(section: MachineSection, path: str) -> tuple[str, str] | None:
+    """That a file lacks the whole table of a key path, and what to do; None where it has it."""
+    key, _, rest = path.partition(".")
+    if not rest or key not in MachineSection.model_fields or getattr(section, key):
+        return None
+    if key == "links":
+        return f"this machine's links are in its URDF, {section.urdf}", "change them there"
+    kind = annotation((key,))[0]
+    named = "" if is_table(kind) or key == "frozen" else ".…"
+    keys = f", with {', '.join(kind.model_fields)}" if is_table(kind) else ""
+    return f"the file has no [{key}{named}]", f"write it first{keys}"
+
+
+def _known_parts(path: str, known: list[str]) -> int:
+    """How many first parts of a key path begin a known one too."""
+    given = path.split(".")
+    parts = [name.split(".") for name in known]
+    return max(k for k in range(len(given) + 1) if any(p[:k] == given[:k] for p in parts))
+
+
+def _meant(path: str, known: list[str]) -> str:
+    """The key path that was meant, or what there is beside its first part that is not known."""
+    given, parts = path.split("."), [name.split(".") for name in known]
+    depth = _known_parts(path, known)
+    beside = [p for p in parts if p[:depth] == given[:depth]]
+    there = dict.fromkeys(p[depth] for p in beside if depth < len(p))
+    if not there:
+        return f"{'.'.join(given[:depth])} is one number"
+    for name in difflib.get_close_matches(given[depth], there, 1):
+        same = [".".join(p) for p in beside if p[depth] == name]
+        return f'did you mean "{difflib.get_close_matches(path, same, 1, 0)[0]}"?'
+    if not depth:
+        with suppress(KeyError, TypeError, AttributeError):
+            if annotation(("requirements", *given))[0] is float:
+                return f'did you mean "requirements.{path}"?'
+    return f"{'.'.join(given[:depth]) or 'it'} has: {', '.join(there)}"
 
 
 def _nearest(path: str, known: list[str]) -> str:

@@ -362,12 +362,16 @@ class BandsSection(Section):
     entrained_air_percent: Pair[Annotated[float, Field(ge=0, lt=50)]] | None = None
 
 
+# more are refused where it is known which move the point; editors know the number
+AtMostTwo = Field(min_length=1, json_schema_extra={"maxItems": 2})
+
+
 class LiftChartSection(Section):
     """The grid of reach and height on which the lift chart says what the machine lifts."""
 
     link: Text | None = None
     at_mm: Point | None = None
-    joints: Annotated[list[Text], Field(min_length=1, max_length=2)] | None = None
+    joints: Annotated[list[Text], AtMostTwo] | None = None
     step_m: Annotated[float, Field(gt=0, le=100)] | None = None
     from_m: Annotated[float, Field(ge=0, le=1_000)] | None = None
 
