@@ -86,8 +86,9 @@ def tolerances(
     """Say how machines of one drawing differ.
 
     Takes the widths of the file's [tolerances]. Prints the share of machines that reach the least
-    frequency, percentiles, and where derivatives fail. Writes tolerances.csv, a row for each
-    number that differs, machines.csv, a row for each machine, and tolerances.png.
+    frequency, that of the first 256 that meet every requirement and which are missed most often,
+    percentiles, and where derivatives fail. Writes tolerances.csv, a row for each number that
+    differs, requirements.csv, machines.csv, a row for each machine, and tolerances.png.
     """
     from armdesign import plots
     from armdesign.influence.tolerances import tolerances as of_machines
@@ -95,12 +96,13 @@ def tolerances(
     with run.progress("varying the machine"):
         model, workspace, out = run.open_workspace()
         answer = of_machines(model, workspace, count=count, least=least, seed=seed)
-        table = answer.by_number
+        tables = {"tolerances": answer.by_number, "requirements": answer.acceptance.frame}
     with run.writing(out) as folder:
-        write_csv(table, folder / "tolerances.csv")
+        for name, table in tables.items():
+            write_csv(table, folder / f"{name}.csv")
         write_csv(answer.frame, folder / "machines.csv")
         plots.save(answer.plot().figure, folder / "tolerances.png")
-    run.show(answer.sheets(run.units.units), tables={"tolerances": table})
+    run.show(answer.sheets(run.units.units), tables=tables)
 
 
 def _refuse_damping_alone(damping: float | None, bandwidth: bool) -> None:

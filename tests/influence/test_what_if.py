@@ -205,7 +205,7 @@ def test_the_commands_write_their_tables(
     words = ["tolerances", str(file), "--points", "9", "--count", "100", "--least-frequency", "7"]
     assert main([*words, "--out", str(tmp_path / "b")], monkeypatch) == 0
     written = {path.name for path in (tmp_path / "b").iterdir()}
-    assert written == {"tolerances.csv", "machines.csv", "tolerances.png"}
+    assert written == {"tolerances.csv", "requirements.csv", "machines.csv", "tolerances.png"}
     table = pd.read_csv(tmp_path / "b" / "machines.csv")
     assert len(table) == 100
     assert np.all(table["worst_hz"] > 7)
