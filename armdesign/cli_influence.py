@@ -6,6 +6,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.option_values import grid_points
 from armdesign.options import (
     BandwidthOption,
+    BandwidthOrNotOption,
     ChangesArgument,
     CountOption,
     DampingOption,
@@ -49,27 +50,25 @@ def sensitivity(
 def what_if(
     run: OverWorkspace,
     changes: ChangesArgument,
-    bandwidth: BandwidthOption = False,
+    bandwidth: BandwidthOrNotOption = None,
     damping: DampingOption = None,
 ) -> None:
     """Say what changes with other numbers in the file.
 
-    Prints worst poses, percentiles, lift, digging forces, speeds, pressures and buckling before
-    and after, with the linear estimate beside the exact answer. Writes what_if.csv and a picture.
+    Prints worst poses, percentiles, bandwidths, lift, digging forces, speeds, pressures and
+    buckling before and after, with the linear estimate beside the exact answer. Writes what_if.csv
+    and a picture.
     """
-    from functools import partial
-
     from armdesign import plots
-    from armdesign.influence.bandwidth import bandwidths
     from armdesign.influence.changes import read_changes
     from armdesign.influence.what_if import what_if as with_changes
 
-    _refuse_damping_alone(damping, bandwidth)
+    if damping is not None and bandwidth is False:
+        raise ArmDesignError("--damping", "is of the bandwidth", "leave out --no-bandwidth")
     with run.progress("mapping the machine with other numbers"):
         stated, counts = read_changes(changes), grid_points(run.points)
         model, out = run.open()
-        more = partial(bandwidths, damping=damping) if bandwidth else None
-        answer = with_changes(model, stated, counts, more=more)
+        answer = with_changes(model, stated, counts, bandwidth=bandwidth, damping=damping)
     with run.writing(out) as folder:
         write_csv(answer.frame, folder / "what_if.csv")
         plots.save(answer.plot().figure, folder / "what_if.png")

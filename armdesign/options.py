@@ -211,6 +211,14 @@ ChangesArgument = Annotated[
 BandwidthOption = Annotated[
     bool, typer.Option("--bandwidth", help="Bandwidths at the lowest pose, too.")
 ]
+BandwidthOrNotOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--bandwidth/--no-bandwidth",
+        help="Bandwidths at the lowest pose must be, or are left out; default: where there are.",
+        show_default=False,
+    ),
+]
 CountOption = Annotated[int, typer.Option("--count", help="Number of machines.")]
 SeedOption = Annotated[int, typer.Option("--seed", help="Of the chance; equal ones repeat it.")]
 LeastFrequencyOption = Annotated[

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from armdesign.arguments import checked
+from armdesign.control.stated_damping import checked_damping
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.cylinder_build import euler_safety
+from armdesign.influence.bandwidth import SCHEMES, bandwidths, name_of
 from armdesign.influence.changes import changed_machine, numeric_changes
 from armdesign.influence.family import rebuilt
 from armdesign.influence.rivals import rivals
@@ -54,6 +56,7 @@ class WhatIf:
         after: the map of the changed machine over its own workspace.
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
             change is no number), value after, and relative change by both.
+        missing: why there are no bandwidths; empty where there are, or none are asked for.
     """
 
     __repr__ = short_repr
@@ -62,6 +65,7 @@ class WhatIf:
     before: FrequencyMap
     after: FrequencyMap
     frame: pd.DataFrame
+    missing: str = ""
 
     @property
     def headline(self) -> str:
@@ -85,7 +89,7 @@ class WhatIf:
         note = f"{unchanged} others do not change; all are in what_if.csv"
         sheets = [
             self._changes(),
-            self._sheet("Frequencies [Hz]", self._numbers[hertz], units, self._where()),
+            self._sheet("Frequencies [Hz]", self._numbers[hertz], units, self._notes()),
         ]
         if lift.any():
             sheets.append(self._lift(self._numbers[lift]))
@@ -96,6 +100,9 @@ class WhatIf:
         rows = tuple((path, *("–" if v is None else f"{v}" for v in both)) for path, both in pairs)
         columns = ("key", "before", "after")
         return Sheet(title=f"What if: {self.before.machine.name}", columns=columns, rows=rows)
+
+    def _notes(self) -> str:
+        return f"{self._where()}; no bandwidth: {self.missing}" if self.missing else self._where()
 
     def _where(self) -> str:
         one, two = self.before.worst, self.after.worst
@@ -169,6 +176,8 @@ def what_if(
     points: int | Sequence[int] | None = None,
     *,
     more: Callable[[FrequencyMap], Quantities] | None = None,
+    bandwidth: bool | None = None,
+    damping: float | None = None,
 ) -> WhatIf:
     """Effect of other numbers in a machine's file, all changes at once.
 
@@ -180,12 +189,14 @@ def what_if(
             ``{"cylinder.boom.bore_mm": 125.0}``; of a list also one number, as
             ``cylinder.boom.base.at_mm.0``.
         points: of the joint grids, as in ``Workspace.grid``.
-        more: further quantities of a mapped machine, value and SI unit by name, such as a
-            bandwidth; None: no more.
+        more: further quantities of a mapped machine, value and SI unit by name; None: no more.
+        bandwidth: whether bandwidths at the lowest pose are among them; None: where there are
+            some. None rests on zero damping.
+        damping: ratio of all modes that bandwidths rest on; None: what the file gives.
 
     Raises:
         ArmDesignError: a key that does not exist, with the nearest that does; a value that it
-            cannot have; or a machine that cannot be.
+            cannot have; a machine that cannot be; or no bandwidth where one must be.
 
     Example:
         >>> import armdesign as ad
@@ -198,17 +209,40 @@ def what_if(
     if not isinstance(changes, Mapping):
         raise ArmDesignError("what-if", f"{changes!r}: expected {{key path: value}}")
     other = changed_machine(machine, changes)
+    checked_damping(damping)
     today, new = (frequency_map(one, Workspace.grid(one, points)) for one in (machine, other))
     chart = lift_chart_if_any(machine)
 
+    missing: dict[str, None] = {}
+
     def everything(frequencies: FrequencyMap) -> Quantities:
         own = more(frequencies) if more else {}
+        if bandwidth is not False:
+            widths, why = _bandwidths(frequencies, damping, needed=bandwidth is True)
+            own, missing[why] = {**widths, **own}, None
         return {**_all_quantities(frequencies, chart), **own}
 
     before, after = everything(today), everything(new)
+    why = next(filter(None, missing), "")
     steps = numeric_changes(machine, other)
     linear = _linear(machine, steps, points, everything, before) if steps else {}
-    return WhatIf(_differing(machine, other), today, new, _frame(before, linear, after))
+    return WhatIf(_differing(machine, other), today, new, _frame(before, linear, after), why)
+
+
+def _bandwidths(
+    frequencies: FrequencyMap, damping: float | None, *, needed: bool
+) -> tuple[Quantities, str]:
+    """Bandwidths of a mapped machine, and why there are none.
+
+    Raises:
+        ArmDesignError: there are none where they are needed.
+    """
+    try:
+        return bandwidths(frequencies, damping), ""
+    except ArmDesignError as error:
+        if needed:
+            raise
+        return {name_of(scheme): (None, "Hz") for scheme in SCHEMES}, str(error)
 
 
 def _differing(machine: Machine, other: Machine) -> dict[str, tuple[Any, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.influence.bandwidth import bandwidths
 from armdesign.influence.changes import read_changes
 from tests import machines
 from tests.commands import assert_one_line, main
@@ -83,7 +81,7 @@ def test_further_quantities_stand_beside_the_others() -> None:
 def test_bandwidth_stands_beside_the_others() -> None:
     """With pressure feedback it grows with the boom's bore, and linearly for 1 mm."""
     changes = {"cylinder.boom.bore_mm": 121.0}
-    answer = ad.what_if(ad.load("excavator_20t"), changes, POINTS, more=bandwidths)
+    answer = ad.what_if(ad.load("excavator_20t"), changes, POINTS)
     damped = row(answer, "bandwidth.damped")
     assert 0.05 < damped["before"] < 0.3
     assert damped["change"] > 0.005
@@ -95,11 +93,15 @@ def test_bandwidth_rests_on_the_damping_that_is_stated() -> None:
     machine, widths = ad.load("paper_1dof"), []
     changes = {"cylinder.lift.bore_mm": 64.0}
     for ratio in (0.02, 0.01):
-        answer = ad.what_if(machine, changes, 3, more=partial(bandwidths, damping=ratio))
+        answer = ad.what_if(machine, changes, 3, damping=ratio)
         widths.append(row(answer, "bandwidth.proportional")["before"])
     assert widths[1] == pytest.approx(widths[0] / 2, rel=0.05)
     with pytest.raises(ad.ArmDesignError, match="no bandwidth can rest on that"):
-        ad.what_if(machine, changes, 3, more=bandwidths)
+        ad.what_if(machine, changes, 3, bandwidth=True)
+    unknown = ad.what_if(machine, changes, 3)
+    assert row(unknown, "bandwidth.damped")[["before", "linear", "after"]].isna().all()
+    assert "state it, as --damping 0.02" in unknown.missing
+    assert unknown.sheets()[1].note.count("mode 1 has a damping ratio of 0") == 1
 
 
 @pytest.mark.slow
@@ -193,11 +195,20 @@ def test_the_commands_write_their_tables(
     words = ["what-if", "paper_1dof", "cylinder.lift.bore_mm=70", "--points", "9", "--out"]
     assert main([*words, str(tmp_path / "a")], monkeypatch) == 0
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"what_if.csv", "what_if.png"}
+    said = " ".join(capsys.readouterr().out.split())
+    assert "bandwidth.damped – – – – –" in said
+    assert "no bandwidth can rest on that; state it, as --damping 0.02" in said
     with_damping = [*words, str(tmp_path / "c"), "--damping", "0.02"]
-    assert main(with_damping, monkeypatch) == 2
-    assert_one_line(capsys.readouterr().err, "--damping: goes with --bandwidth")
+    assert main([*with_damping, "--no-bandwidth"], monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "--damping: is of the bandwidth; leave out --no-")
+    assert main([*words, str(tmp_path / "c"), "--bandwidth"], monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "no bandwidth can rest on that; state it, as")
+    assert main([*words, str(tmp_path / "c"), "--no-bandwidth"], monkeypatch) == 0
+    assert "bandwidth" not in capsys.readouterr().out
     assert main([*with_damping, "--bandwidth"], monkeypatch) == 0
-    assert "bandwidth.damped" in capsys.readouterr().out
+    assert "no bandwidth" not in capsys.readouterr().out
+    table = pd.read_csv(tmp_path / "c" / "what_if.csv").set_index("quantity")
+    assert table.loc["bandwidth.damped", ["before", "linear", "after"]].astype(float).gt(0).all()
     machine = machines.named("paper_1dof")
     file = tmp_path / "paper_1dof.toml"
     file.write_text(f"{machine.text}\n[tolerances]\npin_mm = 1\n", encoding="utf-8")
