@@ -49,7 +49,7 @@ def sensitivity(
 @command
 def what_if(
     run: OverWorkspace,
-    changes: ChangesArgument,
+    changes: ChangesArgument = None,
     bandwidth: BandwidthOrNotOption = None,
     damping: DampingOption = None,
 ) -> None:
@@ -66,7 +66,7 @@ def what_if(
     if damping is not None and bandwidth is False:
         raise ArmDesignError("--damping", "is of the bandwidth", "leave out --no-bandwidth")
     with run.progress("mapping the machine with other numbers"):
-        stated, counts = read_changes(changes), grid_points(run.points)
+        stated, counts = read_changes(changes or []), grid_points(run.points)
         model, out = run.open()
         answer = with_changes(model, stated, counts, bandwidth=bandwidth, damping=damping)
     with run.writing(out) as folder:

@@ -206,7 +206,8 @@ CornerOption = Annotated[
     ),
 ]
 ChangesArgument = Annotated[
-    list[str], typer.Argument(help="Changes as KEY=VALUE: cylinder.boom.bore_mm=125 …")
+    list[str] | None,  # without any the machine says what could change
+    typer.Argument(help="Changes as KEY=VALUE: cylinder.boom.bore_mm=125 …", show_default=False),
 ]
 BandwidthOption = Annotated[
     bool, typer.Option("--bandwidth", help="Bandwidths at the lowest pose, too.")

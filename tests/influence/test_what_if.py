@@ -153,6 +153,7 @@ def test_changes_are_read_as_toml() -> None:
 
 
 BAD = [
+    ([], "what-if: nothing changes; give KEY=VALUE, as cylinder.boom.bore_mm=125"),
     (["cylinder.boom.bora_mm=125"], 'did you mean "cylinder.boom.bore_mm"?'),
     (["payload.fully.mass_kg=1"], 'did you mean "payload.full.mass_kg"?'),
     (["cylinder.boom.bore_mm"], "is not understood; give KEY=VALUE"),
