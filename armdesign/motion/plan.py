@@ -22,13 +22,14 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import joint_positions, refuse_unheld
+from armdesign.machine.poses import joint_positions
 from armdesign.motion.compensation import command_lead, compensated_commands
 from armdesign.motion.feed_forward import spool_plan
 from armdesign.motion.move import Move
 from armdesign.motion.outcome import MoveRun, move_run, ring_time
 from armdesign.motion.shapers import Shaper
 from armdesign.motion.shaping import shaper_for
+from armdesign.motion.spilling import refuse_spilling
 from armdesign.motion.trajectory import Leg, fastest_leg, trajectory
 from armdesign.motion.way import WayModes, way_modes
 from armdesign.simulation.plant.equilibrium import refuse_overcome
@@ -98,7 +99,7 @@ def plan_move(
     _refuse_options(machine, {"share": shares[0], "spread": spread, "settled": settled}, modes)
     model = machine if payload is None else machine.with_payload(payload)
     poses = np.vstack([joint_positions(model, start), joint_positions(model, end)])
-    refuse_unheld(model, poses)
+    refuse_spilling(model, poses)
     refuse_overcome(Plant(at_rest(model, poses[0])), model.at(poses))
     masses = _masses(model, spread)
 

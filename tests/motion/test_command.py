@@ -92,3 +92,18 @@ def test_positions_by_name_or_in_order() -> None:
     with pytest.raises(ad.ArmDesignError, match="--from: says nothing of tilt_boom and extension"):
         pose_of(machine, "lift_boom=10", "--from")
     assert (payload_of(""), payload_of("full"), payload_of("80")) == (None, "full", 80.0)
+
+
+@pytest.mark.parametrize("end", ["30,-90,-30", "60,-40,-10", "-10,-60,20"])
+def test_the_nearest_pose_that_holds_the_load_is_named(end: str) -> None:
+    """It can be taken as it stands, holds the load, and a tenth of a degree less does not."""
+    machine = ad.load("excavator_20t").with_payload("full")
+    start, spilling = (pose_of(machine, words, "--to") for words in ("30,-90,-90", end))
+    with pytest.raises(ad.ArmDesignError, match="the nearest that does is boom=") as caught:
+        ad.plan_move(machine, start, spilling)
+    nearest = np.array(pose_of(machine, caught.value.remedy.split()[-2], "--to"))
+    away = nearest - spilling
+    assert machine.holds(nearest[None])[0]
+    assert np.count_nonzero(np.abs(away) > 1e-9) < 3
+    less = nearest - np.radians(0.1) * np.sign(np.where(np.abs(away) > 1e-9, away, 0.0))
+    assert not machine.holds(less[None])[0]
