@@ -25,7 +25,7 @@ def control(
     gain_margin: GainMarginOption = 6.0,
     phase_margin: PhaseMarginOption = 45.0,
     filter: FilterOption = "high-pass",
-    corner: CornerOption = 0.0,
+    corner: CornerOption = None,
 ) -> None:
     """Say how fast position loops can be, pose by pose.
 
@@ -57,7 +57,7 @@ def control(
                 gain_margin_db=gain_margin,
                 phase_margin=phase_margin * deg,
                 filter=filter,  # type: ignore[arg-type]
-                corner=2 * math.pi * corner or None,
+                corner=None if corner is None else 2 * math.pi * corner,
             )
     sheets = bandwidth_sheets(maps, run.units.units)
     margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}

@@ -200,7 +200,7 @@ FilterOption = Annotated[
     str, typer.Option("--filter", help="Of load pressures fed back: high-pass or band-pass.")
 ]
 CornerOption = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--corner", help="Of that filter, in Hz; default: by each pose's mode.", show_default=False
     ),

@@ -53,6 +53,11 @@ def test_two_machines_stand_side_by_side(
         (["patu_boom", "--phase-margin", "89.999"], "ask for at most"),
         (["patu_boom", "--phase-margin", "2578"], "in Python 45 * deg = 0.785"),
         (["patu_boom", "--filter", "low"], "give high-pass or band-pass"),
+        (
+            ["patu_boom", "--corner", "0"],
+            "corner: 0 Hz (0 rad/s) is not allowed; give one above 0",
+        ),
+        (["patu_boom", "--corner", "-2"], "corner: -2 Hz (-12.5664 rad/s) is not allowed"),
         (["patu_boom", "--delay", "-3"], "0 or more"),
         (["nowhere"], "no such machine"),
     ],
