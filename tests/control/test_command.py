@@ -26,6 +26,7 @@ def test_it_writes_bandwidths_gains_and_picture(
     table = pd.read_csv(tmp_path / "gains.csv")
     columns = {"lift_boom", "payload", "f1_hz", "damping", "critical_gain_per_s"}
     assert columns < set(table.columns) | {"lift_boom", table.columns[0]}
+    assert set(table["filter"]) == {"high-pass"}
     assert (table.filter(like="_gain_per_s") > 0).all().all()
     printed = capsys.readouterr().out
     for words_of_table in ("position loops alone", "with feed-forward", "Merritt", "f/3"):
