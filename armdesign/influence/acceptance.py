@@ -33,7 +33,7 @@ from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.report.sheet import Sheet
-from armdesign.units import Units
+from armdesign.units import Units, share_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -195,7 +195,7 @@ def acceptance_sheet(judged: Acceptance, units: Units) -> Sheet:
     rows = []
     for row in differing.head(SHOWN).to_dict("records"):
         values = (_text(row[key], row["unit"], units) for key in ("drawn", "limit"))
-        shares = f"{100 * row['missed']:.1f} %", f"{100 * row['least_slack']:.2g} %"
+        shares = f"{100 * row['missed']:.1f} %", share_text(row["least_slack"])
         rows.append((row["words"], *values, *shares))
     share, error = (f"{100 * part:.1f} %" for part in (judged.share, judged.standard_error))
     exact = f"; not counted, the drawing is exactly at the limit: {left_out}" if left_out else ""

@@ -27,7 +27,7 @@ from armdesign.influence.widths import Width, family_of, widths_of
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, share_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -212,7 +212,7 @@ class Tolerances(ReadOnly):
             rows=rows,
             note=(
                 f"at {len(self.rivals)} poses, which follow end stops and pitch limits; a search"
-                f" near them finds {100 * near:.2g} % less at most, in {found.sum()} of the"
+                f" near them finds {share_text(near)} less at most, in {found.sum()} of the"
                 " machines"
             ),
             bold=(2,),
@@ -306,7 +306,7 @@ def tolerances(
     if lost.any():
         raise ArmDesignError(
             f"{machine.source.name}: tolerances",
-            f"{100 * lost.mean():.2g} % of the machines cannot take the worst pose",
+            f"{share_text(lost.mean())} of the machines cannot take the worst pose",
             "give smaller widths",
         )
     stated = machine.section.tolerances.least_hz if least is None else least

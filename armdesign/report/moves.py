@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from armdesign.report.sheet import Sheet
-from armdesign.units import WORKSHOP, Units, percent
+from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
     from armdesign.motion.move import Move
@@ -36,7 +36,7 @@ def _runs(move: Move, units: Units) -> Sheet:
         [one for one in move.runs[::2] for _ in range(2)], move.runs, strict=True
     ):
         settled = f"{run.settled:.2f}" if math.isfinite(run.settled) else f"> {run.time[-1]:.1f}"
-        share = f"{100 * run.residual / first.residual:.2g} %" if run.shaped else "–"
+        share = share_text(run.residual / first.residual) if run.shaped else "–"
         rows.append(
             (
                 move.shaper.name if run.shaped else "unshaped",
@@ -129,7 +129,7 @@ def _jolts(move: Move) -> str:
         words = (
             f"With {first.share:g} of the pump's flow and of the free force chambers would run"
             f" empty and fill again on the way ({chambers}), with a jolt that no shaper foresees:"
-            f" {100 * max(first.reductions):.2g} % would be left. So the move uses {move.share:g}."
+            f" {share_text(max(first.reductions))} would be left. So the move uses {move.share:g}."
         )
     if move.jolts:
         smaller = f"{GENTLER * move.share:.1g}"

@@ -36,6 +36,8 @@ def test_a_move_is_written_and_said(
     assert impulses.sum() == pytest.approx(1)
     assert f"{runs['residual_mm'].iloc[1]:.2f}" in printed
     assert ("without a shaper" in printed) == (shaper == "none")
+    assert (" 100 % " in printed) == (shaper == "none")
+    assert "1e+02" not in printed
     assert "zvd" in printed, "the usual ones beside it"
 
 
