@@ -96,8 +96,8 @@ def _shapers(move: Move) -> Sheet:
         bold=(0,) if move.shaper.delay else (),
         note=(
             "of the vibration that a step would leave, linear; width: of the band with at most 5 %"
-            " left, over the frequency; the first row is the one at work, the others are for the"
-            " lowest mode alone"
+            " left, over the frequency, of several modes if all err by one share; the first row is"
+            " the one at work, the others are for the lowest mode alone"
         ),
     )
 
@@ -110,7 +110,7 @@ def _shaper_row(shaper: Shaper, lowest: float) -> tuple[str, ...]:
         f"{shaper.delay:.3f}",
         f"{periods:.2f}",
         *(f"{value:.1f} %" for value in left),
-        f"{100 * shaper.insensitivity():.0f} %" if not shaper.parts else "–",
+        f"{100 * shaper.insensitivity():.0f} %",
     )
 
 
