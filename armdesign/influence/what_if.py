@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from armdesign.arguments import checked
+from armdesign.arrays import Flags
 from armdesign.control.stated_damping import checked_damping
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.maps import FrequencyMap, frequency_map
@@ -43,6 +44,7 @@ More: TypeAlias = Callable[[FrequencyMap], Quantities]
 PART = 0.01  # of the change, by which quantities are differenced
 UNCHANGED = 5e-5  # relative change that is none
 WORST, LIFT = "worst", "lift at "  # the worst frequency, and beginning of masses on the chart
+SIGNED = ("m", "rad")  # units of places and angles, which may be below zero
 COUNTED = "limiting."  # beginning of shares of poses, which jump
 
 
@@ -55,7 +57,8 @@ class WhatIf:
         before: the map of the machine.
         after: the map of the changed machine over its own workspace.
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
-            change is no number), value after, and relative change by both.
+            change is no number; below zero where it is too large), value after, and relative
+            change by both.
         missing: why there are no bandwidths; empty where there are, or none are asked for.
     """
 
@@ -74,32 +77,63 @@ class WhatIf:
         return f"of {self.before.machine.name}: worst {before:.4g} → {after:.4g} Hz"
 
     @cached_property
-    def _numbers(self) -> pd.DataFrame:
+    def numbers(self) -> pd.DataFrame:
+        """The numbers of the frame by quantity, without ``impossible`` linear estimates."""
+        table = self._numeric.copy()
+        table.loc[self.impossible, ["linear", "linear_change"]] = np.nan
+        return table
+
+    @property
+    def impossible(self) -> Flags:
+        """Which linear estimates are below zero, though no such value is: the change is large."""
+        table = self._numeric
+        signed = table["unit"].isin(SIGNED) | (table["before"] < 0) | (table["after"] < 0)
+        return np.asarray((table["linear"] < 0) & ~signed)
+
+    @property
+    def _numeric(self) -> pd.DataFrame:
         numeric = ~self.frame["before"].map(lambda value: isinstance(value, str))
         return self.frame[numeric].astype({"before": float, "after": float}).set_index("quantity")
 
     def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
         """Changes, frequencies, lift, and all other quantities that change."""
-        names = self._numbers.index
+        names = self.numbers.index
         lift = names.str.startswith(LIFT)
-        hertz = self._numbers["unit"] == "Hz"
-        others = self._numbers[~lift & ~hertz]
+        hertz = self.numbers["unit"] == "Hz"
+        others = self.numbers[~lift & ~hertz]
         moved = others[~(others["change"].abs() < UNCHANGED) & others["before"].notna()]
         unchanged = len(others) - len(moved)
         note = f"{unchanged} others do not change; all are in what_if.csv"
         sheets = [
             self._changes(),
-            self._sheet("Frequencies [Hz]", self._numbers[hertz], units, self._notes()),
+            self._sheet("Frequencies [Hz]", self.numbers[hertz], units, self._notes()),
         ]
-        if lift.any():
-            sheets.append(self._lift(self._numbers[lift]))
+        charted = self.numbers[lift & (self.numbers["before"] > 0) & self.numbers["after"].notna()]
+        if len(charted):
+            sheets.append(self._lift(charted))
         return [*sheets, self._sheet("Forces, speeds, pressures, reach", moved, units, note)]
 
     def _changes(self) -> Sheet:
         pairs = self.changes.items()
         rows = tuple((path, *("–" if v is None else f"{v}" for v in both)) for path, both in pairs)
-        columns = ("key", "before", "after")
-        return Sheet(title=f"What if: {self.before.machine.name}", columns=columns, rows=rows)
+        return Sheet(
+            title=f"What if: {self.before.machine.name}",
+            columns=("key", "before", "after"),
+            rows=rows,
+            note=self._without_estimate(),
+        )
+
+    def _without_estimate(self) -> str:
+        """Why linear estimates are left out; empty where they are not."""
+        if self.frame["linear"].isna().all():
+            return "no linear estimate: more than numbers changes, a word or a count"
+        below = int(self.impossible.sum())
+        if not below:
+            return ""
+        return (
+            f"{below} linear estimates are left out: they are below zero, which their quantities"
+            " never are, as the change is too large for a straight line"
+        )
 
     def _notes(self) -> str:
         return f"{self._where()}; no bandwidth: {self.missing}" if self.missing else self._where()
@@ -130,15 +164,14 @@ class WhatIf:
             note=note,
         )
 
-    def _lift(self, table: pd.DataFrame) -> Sheet:
+    def _lift(self, known: pd.DataFrame) -> Sheet:
         """Least, median and greatest change of what the machine lifts over its chart."""
-        known = table[(table["before"] > 0) & table["after"].notna()]
         ratios = {kind: known[kind] / known["before"] - 1 for kind in ("linear", "after")}
         exact = ratios["after"]
         rows = []
         for words, at in (("least", exact.argmin()), ("greatest", exact.argmax())):
             row = known.iloc[int(at)]
-            masses = (f"{row[kind]:.0f}" for kind in ("before", "linear", "after"))
+            masses = (_mass(row[kind]) for kind in ("before", "linear", "after"))
             cells = (_percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))
             rows.append((f"{words}, {known.index[int(at)]}", *masses, *cells))
         medians = (_percent(float(ratios[kind].median())) for kind in ("linear", "after"))
@@ -163,6 +196,10 @@ def _cell(value: Any, unit: str, units: Units) -> str:
     if unit not in units.table:
         return f"{value:.4f}"
     return units.number(value, unit)
+
+
+def _mass(value: float) -> str:
+    return f"{value:.0f}" if np.isfinite(value) else "–"
 
 
 def _percent(share: float) -> str:

@@ -110,6 +110,25 @@ def test_a_word_has_no_linear_estimate() -> None:
     assert answer.frame["linear"].isna().all()
     assert row(answer, "boom.thrust")["change"] == pytest.approx(-0.5)
     assert any("–" in cell for cells in answer.sheets()[1].rows for cell in cells)
+    changes, _, lift, _ = answer.sheets()
+    assert changes.note.startswith("no linear estimate: more than numbers changes")
+    assert not any("nan" in cell for cells in lift.rows for cell in cells)
+    assert lift.rows[0][2] == "–"
+
+
+def test_a_frequency_below_zero_is_no_estimate() -> None:
+    """Ten times the load: the straight line ends below zero. Angles may be there."""
+    machine = ad.load("paper_1dof")
+    answer = ad.what_if(machine, {"payload.load.mass_kg": 2000.0}, 5, damping=0.02)
+    worst = row(answer, "worst")
+    assert worst["linear"] < 0 < worst["after"] < worst["before"]
+    hertz = answer.sheets()[1].rows[0]
+    assert (hertz[0], hertz[2], hertz[4]) == ("worst", "–", "–")
+    below = answer.numbers["linear"].dropna() < 0
+    assert set(answer.numbers.loc[below[below].index, "unit"]) <= {"m", "rad"}
+    count = int(answer.impossible.sum())
+    assert answer.sheets()[0].note.startswith(f"{count} linear estimates are left out")
+    assert answer.plot().get_ylim()[0] > -110
 
 
 @pytest.mark.slow
