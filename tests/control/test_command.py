@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import armdesign as ad
 from tests.commands import Refused, main
 
 
@@ -31,6 +32,33 @@ def test_it_writes_bandwidths_gains_and_picture(
     printed = capsys.readouterr().out
     for words_of_table in ("position loops alone", "with feed-forward", "Merritt", "f/3"):
         assert words_of_table in printed
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"cylinder.lift.bore_mm": 110.0}, "both machines at the same poses"),
+        ({"cylinder.lift.closed_length_mm": 850.0}, "each machine over its own joint ranges"),
+    ],
+)
+def test_a_new_machine_of_the_same_name_is_compared_at_the_same_poses(
+    change: dict[str, float],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """If it can take them; both are told apart by their files."""
+    file = str(ad.load("patu_boom").replace(change).save(tmp_path / "patu_new.toml"))
+    given = ["control", "patu_boom", "--new", file, "--points", "3", "--out", str(tmp_path / "o")]
+    assert main(given, monkeypatch) == 0
+    tables = [pd.read_csv(tmp_path / "o" / f"gains_{label}.csv") for label in ("today", "new")]
+    same = tables[0]["boom"].equals(tables[1]["boom"])
+    assert same == words.startswith("both")
+    printed = capsys.readouterr().out
+    assert words in printed
+    assert "loop: today patu_boom.toml, new patu_new.toml [Hz]" in printed
+    assert "Each at its worst pose, position loops alone of today's and of the new" in printed
 
 
 @pytest.mark.slow
