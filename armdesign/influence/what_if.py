@@ -60,6 +60,7 @@ class WhatIf:
             change is no number; below zero where it is too large), value after, and relative
             change by both.
         missing: why there are no bandwidths; empty where there are, or none are asked for.
+        damping: ratio of all modes on which bandwidths rest; None: what the file gives.
     """
 
     __repr__ = short_repr
@@ -69,6 +70,7 @@ class WhatIf:
     after: FrequencyMap
     frame: pd.DataFrame
     missing: str = ""
+    damping: float | None = None
 
     @property
     def headline(self) -> str:
@@ -136,7 +138,15 @@ class WhatIf:
         )
 
     def _notes(self) -> str:
-        return f"{self._where()}; no bandwidth: {self.missing}" if self.missing else self._where()
+        if name_of(SCHEMES[0]) not in self.numbers.index:
+            return self._where()
+        stated = "of the file" if self.damping is None else f"stated, {self.damping:g}"
+        widths = (
+            f"; bandwidth: of the narrowest loop, gains common to all, at the lowest pose of the"
+            f" grid, damping {stated}"
+        )
+        why = f"; none is given: {self.missing}" if self.missing else ""
+        return self._where() + widths + why
 
     def _where(self) -> str:
         one, two = self.before.worst, self.after.worst
@@ -263,7 +273,8 @@ def what_if(
     why = next(filter(None, missing), "")
     steps = numeric_changes(machine, other)
     linear = _linear(machine, steps, points, everything, before) if steps else {}
-    return WhatIf(_differing(machine, other), today, new, _frame(before, linear, after), why)
+    frame = _frame(before, linear, after)
+    return WhatIf(_differing(machine, other), today, new, frame, why, damping)
 
 
 def _bandwidths(

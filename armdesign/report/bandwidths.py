@@ -307,7 +307,7 @@ def _promises_sheet(maps: Mapping[str, BandwidthMap]) -> Sheet:
         rows=tuple(rows),
         note=(
             "too much: times what position loops alone reach; Merritt's bound is where a single"
-            " loop on the lowest mode becomes unstable, without any margin"
+            " loop on the lowest mode, behind a fast valve, becomes unstable, without any margin"
         ),
     )
 

@@ -218,6 +218,7 @@ def test_the_commands_write_their_tables(
     said = " ".join(capsys.readouterr().out.split())
     assert "bandwidth.damped – – – – –" in said
     assert "no bandwidth can rest on that; state it, as --damping 0.02" in said
+    assert "lowest pose of the grid, damping of the file; none is given: paper_1dof" in said
     with_damping = [*words, str(tmp_path / "c"), "--damping", "0.02"]
     assert main([*with_damping, "--no-bandwidth"], monkeypatch) == 2
     assert_one_line(capsys.readouterr().err, "--damping: is of the bandwidth; leave out --no-")
@@ -226,7 +227,9 @@ def test_the_commands_write_their_tables(
     assert main([*words, str(tmp_path / "c"), "--no-bandwidth"], monkeypatch) == 0
     assert "bandwidth" not in capsys.readouterr().out
     assert main([*with_damping, "--bandwidth"], monkeypatch) == 0
-    assert "no bandwidth" not in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "damping stated, 0.02" in said
+    assert "none is given" not in said
     table = pd.read_csv(tmp_path / "c" / "what_if.csv").set_index("quantity")
     assert table.loc["bandwidth.damped", ["before", "linear", "after"]].astype(float).gt(0).all()
     machine = machines.named("paper_1dof")
