@@ -25,17 +25,18 @@ def control(
     gain_margin: GainMarginOption = 6.0,
     phase_margin: PhaseMarginOption = 45.0,
     filter: FilterOption = "high-pass",
-    corner: CornerOption = 0.0,
+    corner: CornerOption = None,
 ) -> None:
     """Say how fast position loops can be, pose by pose.
 
     Finds the largest gains whose loops, all closed at once, keep gain and phase margin: of
     position loops alone, and with feedback of the load pressures. Writes bandwidth.csv, gains.csv,
-    heatmaps and report.html; with --new for another machine too.
+    heatmaps and report.html; with --new for another machine too, at the same poses if it has the
+    same links and can take them.
     """
     import math
 
-    from armdesign.control.bandwidth_map import bandwidth_map, default_points
+    from armdesign.control.bandwidth_map import BandwidthMap, bandwidth_map, default_points
     from armdesign.frequency.workspace import Workspace
     from armdesign.report.bandwidths import bandwidth_sentence, bandwidth_sheets
     from armdesign.sweeps.numbers import of_bandwidths
@@ -46,18 +47,19 @@ def control(
         names = {"today": run.machine, "new": new} if new else {"": run.machine}
         models = {label: run.load(name) for label, name in names.items()}
         out = run.folder(*(model.source for model in models.values()))
-        maps = {}
+        maps: dict[str, BandwidthMap] = {}
         for label, model in models.items():
-            workspace = Workspace.grid(model, counts or default_points(model))
+            fit = (one.workspace for one in maps.values() if one.workspace.suits(model))
+            grid = Workspace.grid(model, counts or default_points(model))
             maps[label] = bandwidth_map(
                 model,
-                workspace,
+                next(fit, grid),
                 damping=damping,
                 delay=delay / 1e3,
                 gain_margin_db=gain_margin,
                 phase_margin=phase_margin * deg,
                 filter=filter,  # type: ignore[arg-type]
-                corner=2 * math.pi * corner or None,
+                corner=None if corner is None else 2 * math.pi * corner,
             )
     sheets = bandwidth_sheets(maps, run.units.units)
     margins = {"gain_margin": gain_margin, "phase_margin": phase_margin}

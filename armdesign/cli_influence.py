@@ -6,6 +6,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.option_values import grid_points
 from armdesign.options import (
     BandwidthOption,
+    BandwidthOrNotOption,
     ChangesArgument,
     CountOption,
     DampingOption,
@@ -48,28 +49,26 @@ def sensitivity(
 @command
 def what_if(
     run: OverWorkspace,
-    changes: ChangesArgument,
-    bandwidth: BandwidthOption = False,
+    changes: ChangesArgument = None,
+    bandwidth: BandwidthOrNotOption = None,
     damping: DampingOption = None,
 ) -> None:
     """Say what changes with other numbers in the file.
 
-    Prints worst poses, percentiles, lift, digging forces, speeds, pressures and buckling before
-    and after, with the linear estimate beside the exact answer. Writes what_if.csv and a picture.
+    Prints worst poses, percentiles, bandwidths, lift, digging forces, speeds, pressures and
+    buckling before and after, with the linear estimate beside the exact answer. Writes what_if.csv
+    and a picture.
     """
-    from functools import partial
-
     from armdesign import plots
-    from armdesign.influence.bandwidth import bandwidths
     from armdesign.influence.changes import read_changes
     from armdesign.influence.what_if import what_if as with_changes
 
-    _refuse_damping_alone(damping, bandwidth)
+    if damping is not None and bandwidth is False:
+        raise ArmDesignError("--damping", "is of the bandwidth", "leave out --no-bandwidth")
     with run.progress("mapping the machine with other numbers"):
-        stated, counts = read_changes(changes), grid_points(run.points)
+        stated, counts = read_changes(changes or []), grid_points(run.points)
         model, out = run.open()
-        more = partial(bandwidths, damping=damping) if bandwidth else None
-        answer = with_changes(model, stated, counts, more=more)
+        answer = with_changes(model, stated, counts, bandwidth=bandwidth, damping=damping)
     with run.writing(out) as folder:
         write_csv(answer.frame, folder / "what_if.csv")
         plots.save(answer.plot().figure, folder / "what_if.png")
@@ -86,8 +85,9 @@ def tolerances(
     """Say how machines of one drawing differ.
 
     Takes the widths of the file's [tolerances]. Prints the share of machines that reach the least
-    frequency, percentiles, and where derivatives fail. Writes tolerances.csv, a row for each
-    number that differs, machines.csv, a row for each machine, and tolerances.png.
+    frequency, that of the first 256 that meet every requirement and which are missed most often,
+    percentiles, and where derivatives fail. Writes tolerances.csv, a row for each number that
+    differs, requirements.csv, machines.csv, a row for each machine, and tolerances.png.
     """
     from armdesign import plots
     from armdesign.influence.tolerances import tolerances as of_machines
@@ -95,12 +95,13 @@ def tolerances(
     with run.progress("varying the machine"):
         model, workspace, out = run.open_workspace()
         answer = of_machines(model, workspace, count=count, least=least, seed=seed)
-        table = answer.by_number
+        tables = {"tolerances": answer.by_number, "requirements": answer.acceptance.frame}
     with run.writing(out) as folder:
-        write_csv(table, folder / "tolerances.csv")
+        for name, table in tables.items():
+            write_csv(table, folder / f"{name}.csv")
         write_csv(answer.frame, folder / "machines.csv")
         plots.save(answer.plot().figure, folder / "tolerances.png")
-    run.show(answer.sheets(run.units.units), tables={"tolerances": table})
+    run.show(answer.sheets(run.units.units), tables=tables)
 
 
 def _refuse_damping_alone(damping: float | None, bandwidth: bool) -> None:

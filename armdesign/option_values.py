@@ -63,7 +63,7 @@ def pose_of(
         if not low <= (value := pose[name]) <= high:
             unit, factor = units[name]
             ends = math.ceil(10 * low / factor) / 10, math.floor(10 * high / factor) / 10
-            nearest = f"the nearest that its stroke allows is {ends[value > high]:g} {unit}"
+            nearest = f"the nearest within it is {ends[value > high]:g} {unit}"
             fault = f"{name} {value / factor:g} {unit} is outside its range"
             fault += f" [{ends[0]:g}, {ends[1]:g}] {unit}"
             remedy = f"give {name}=… in {unit}" if math.isnan(value) else nearest

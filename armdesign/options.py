@@ -200,16 +200,25 @@ FilterOption = Annotated[
     str, typer.Option("--filter", help="Of load pressures fed back: high-pass or band-pass.")
 ]
 CornerOption = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--corner", help="Of that filter, in Hz; default: by each pose's mode.", show_default=False
     ),
 ]
 ChangesArgument = Annotated[
-    list[str], typer.Argument(help="Changes as KEY=VALUE: cylinder.boom.bore_mm=125 …")
+    list[str] | None,  # without any the machine says what could change
+    typer.Argument(help="Changes as KEY=VALUE: cylinder.boom.bore_mm=125 …", show_default=False),
 ]
 BandwidthOption = Annotated[
     bool, typer.Option("--bandwidth", help="Bandwidths at the lowest pose, too.")
+]
+BandwidthOrNotOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--bandwidth/--no-bandwidth",
+        help="Bandwidths at the lowest pose must be, or are left out; default: where there are.",
+        show_default=False,
+    ),
 ]
 CountOption = Annotated[int, typer.Option("--count", help="Number of machines.")]
 SeedOption = Annotated[int, typer.Option("--seed", help="Of the chance; equal ones repeat it.")]

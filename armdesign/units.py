@@ -64,6 +64,18 @@ def percent(share: float, decimals: int = 1) -> str:
     return f"{round(100 * float(share), decimals) + 0.0:+.{decimals}f} %"
 
 
+def share_text(share: float) -> str:
+    """A share in per cent with two digits, more before the point if there are.
+
+    Example:
+        >>> from armdesign.units import share_text
+        >>> print(share_text(0.0214), share_text(1.0), share_text(1.234))
+        2.1 % 100 % 123 %
+    """
+    value = 100 * share
+    return f"{value:.2g} %" if abs(value) < 99.5 else f"{value:.0f} %"
+
+
 def _joined(number: str, unit: str) -> str:
     return f"{number}{'' if unit == '°' else ' '}{unit}".rstrip()
 

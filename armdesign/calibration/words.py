@@ -12,7 +12,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.calibration.fit import LOOSE, Fit
 from armdesign.machine.file.likely_values import USUAL
-from armdesign.units import percent
+from armdesign.units import percent, share_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,7 +131,7 @@ def _direction(fit: Fit, names: list[str], direction: Array) -> str:
     deviations = fit.problem.predictor.measured.deviations[known]
     shares = deviations / fit.problem.predictor.measured.frequencies[known]
     effect = CHANGE * np.abs(fit.jacobian[: len(shares)] @ direction) * shares
-    most = f"by at most {100 * effect.max():.2g} %" if len(shares) else "not at all"
+    most = f"by at most {share_text(effect.max())}" if len(shares) else "not at all"
     return f"{', '.join(parts)} together change the frequencies {most}"
 
 

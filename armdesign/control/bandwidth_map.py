@@ -123,7 +123,7 @@ class BandwidthMap(ReadOnly):
         first = gains[f"{self.machine.joints[0]}_gain_per_s"]
         critical = self.frame.loc[works, "own_critical"] * first
         head = head.assign(critical_gain_per_s=critical)
-        return head.join(gains).reset_index(drop=True)
+        return head.join(gains).assign(filter=self.options.filter).reset_index(drop=True)
 
     @property
     def slow_valves(self) -> dict[str, float]:

@@ -48,8 +48,10 @@ class ControlOptions:
         """Disk margin and filter."""
         margin = disk_margin_for(self.gain_margin_db, self.phase_margin)
         if self.corner is not None and not 0 < self.corner < math.inf:
-            fault = f"{self.corner:g} rad/s is not allowed"
-            raise ArmDesignError("corner", fault, "give a positive number")
+            hertz = self.corner / (2 * math.pi)
+            fault = f"{hertz:g} Hz ({self.corner:g} rad/s) is not allowed"
+            remedy = "give one above 0, or none: it then follows the mode of each pose"
+            raise ArmDesignError("corner", fault, remedy)
         if self.filter not in ("high-pass", "band-pass"):
             fault, remedy = f"{self.filter!r} is none", "give high-pass or band-pass"
             raise ArmDesignError("filter", fault, remedy)

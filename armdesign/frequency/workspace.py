@@ -175,6 +175,14 @@ class Workspace(ReadOnly):
     def __len__(self) -> int:
         return len(self.q)
 
+    def suits(self, other: Machine) -> bool:
+        """Whether another machine has the same links and can take all the poses."""
+        links = [
+            (machine.arm.xml, machine.joints, [spring.at for spring in machine.springs])
+            for machine in (self.machine, other)
+        ]
+        return links[0] == links[1] and bool(_least_margin(other, self.q).min() >= 0)
+
     def subset(self, rows: Array) -> Workspace:
         """Some of the poses, each of weight one."""
         q, weights = self.q[rows], np.ones(len(rows))

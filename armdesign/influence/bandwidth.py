@@ -32,7 +32,12 @@ def bandwidths(
     q = lowest[list(frequencies.machine.joints)].to_numpy(dtype=float)
     widths = at_pose(frequencies.machine, q, str(lowest["payload"]), damping)
     pairs = zip(SCHEMES, widths.tolist(), strict=True)
-    return {f"bandwidth.{scheme}": (width, "Hz") for scheme, width in pairs}
+    return {name_of(scheme): (width, "Hz") for scheme, width in pairs}
+
+
+def name_of(scheme: str) -> str:
+    """Name of the bandwidth of a scheme among other quantities."""
+    return f"bandwidth.{scheme}"
 
 
 def at_pose(machine: Machine, q: Array, payload: str, damping: float | None = None) -> Array:

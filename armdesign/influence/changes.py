@@ -52,7 +52,7 @@ def changed_machine(
         ArmDesignError: a path or value that the file cannot have.
     """
     if not changes:
-        raise ArmDesignError(part, "nothing changes", "give KEY=VALUE")
+        raise ArmDesignError(part, "nothing changes", f"give KEY=VALUE, as {_example(machine)}")
     known, whole = flat(machine.section), dict[str, Any]()
     for path, value in changes.items():
         table, _, leaf = path.rpartition(".")
@@ -70,6 +70,13 @@ def changed_machine(
         return machine.replace(values)
     source = machine.source
     return Machine.unchecked(edit(machine.text, values, source.name), machine.urdf_text, source)
+
+
+def _example(machine: Machine) -> str:
+    """A change that the machine's file could have."""
+    for name, cylinder in machine.section.cylinder.items():
+        return f"cylinder.{name}.bore_mm={cylinder.bore_mm + 5:g}"
+    return f"fluid.bulk_modulus_MPa={machine.section.fluid.bulk_modulus_MPa + 100:g}"
 
 
 def _refuse_unknown(machine: Machine, path: str, part: str) -> None:

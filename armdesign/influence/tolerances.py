@@ -17,15 +17,17 @@ import numpy as np
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly, chunks
+from armdesign.design.requirements.record import Check
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
+from armdesign.influence.acceptance import JUDGED, Acceptance, acceptance, acceptance_sheet
 from armdesign.influence.rivals import Rival, rivals
 from armdesign.influence.slopes import mass_slopes, slopes
 from armdesign.influence.widths import Width, family_of, widths_of
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, share_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,6 +46,7 @@ class Tolerances(ReadOnly):
 
     Attributes:
         machine: the machine as its file describes it.
+        workspace: poses over which its worst was looked for.
         rivals: its worst pose and the poses that could become the worst.
         widths: the numbers that differ (w).
         values: their values (n, w), in the file's unit, of the mass of links a factor.
@@ -58,6 +61,7 @@ class Tolerances(ReadOnly):
     __repr__ = short_repr
 
     machine: Machine
+    workspace: Workspace
     rivals: tuple[Rival, ...]
     widths: tuple[Width, ...]
     values: Array
@@ -92,6 +96,23 @@ class Tolerances(ReadOnly):
     def linear_share(self) -> float:
         """Share of machines that reach the least frequency, by the derivatives."""
         return float(np.mean(self.linear >= self.least))
+
+    @cached_property
+    def acceptance(self) -> Acceptance:
+        """The first 256 machines, judged by every requirement of the file and the frequency."""
+        drawn, made = self.rivals[0].frequency, self.frequencies[:JUDGED]
+        check = Check(
+            name="frequency",
+            words="worst frequency",
+            unit="Hz",
+            limit=self.least,
+            at_least=True,
+            value=drawn,
+            slack=drawn / self.least - 1,
+        )
+        slacks = check, made / self.least - 1
+        values = self.values[:JUDGED]
+        return acceptance(self.machine, self.workspace, self.widths, values, slacks)
 
     @property
     def moved(self) -> float:
@@ -155,7 +176,8 @@ class Tolerances(ReadOnly):
 
     def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
         """Share that is good enough, percentiles, and the numbers that spread it."""
-        return [self._summary(units), self._percentiles(), self._numbers()]
+        judged = acceptance_sheet(self.acceptance, units)
+        return [self._summary(units), judged, self._percentiles(), self._numbers()]
 
     def _summary(self, units: Units) -> Sheet:
         worst, error = self.rivals[0], self.linear - self.frequencies
@@ -190,7 +212,7 @@ class Tolerances(ReadOnly):
             rows=rows,
             note=(
                 f"at {len(self.rivals)} poses, which follow end stops and pitch limits; a search"
-                f" near them finds {100 * near:.2g} % less at most, in {found.sum()} of the"
+                f" near them finds {share_text(near)} less at most, in {found.sum()} of the"
                 " machines"
             ),
             bold=(2,),
@@ -276,19 +298,21 @@ def tolerances(
     """
     _check(count, least, seed)
     widths = widths_of(machine)
-    poses = rivals(machine, workspace or Workspace.grid(machine))
+    workspace = workspace or Workspace.grid(machine)
+    poses = rivals(machine, workspace)
     values = _sampled(machine, widths, count, seed)
     of_rivals = _frequencies(machine, poses, widths, values)
     lost = np.isnan(of_rivals).all(axis=1)
     if lost.any():
         raise ArmDesignError(
             f"{machine.source.name}: tolerances",
-            f"{100 * lost.mean():.2g} % of the machines cannot take the worst pose",
+            f"{share_text(lost.mean())} of the machines cannot take the worst pose",
             "give smaller widths",
         )
     stated = machine.section.tolerances.least_hz if least is None else least
     return Tolerances(
         machine=machine,
+        workspace=workspace,
         rivals=poses,
         widths=widths,
         values=values,

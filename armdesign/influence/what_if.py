@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from armdesign.arguments import checked
+from armdesign.arrays import Flags
+from armdesign.control.stated_damping import checked_damping
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.cylinder_build import euler_safety
+from armdesign.influence.bandwidth import SCHEMES, bandwidths, name_of
 from armdesign.influence.changes import changed_machine, numeric_changes
 from armdesign.influence.family import rebuilt
 from armdesign.influence.rivals import rivals
@@ -41,6 +44,7 @@ More: TypeAlias = Callable[[FrequencyMap], Quantities]
 PART = 0.01  # of the change, by which quantities are differenced
 UNCHANGED = 5e-5  # relative change that is none
 WORST, LIFT = "worst", "lift at "  # the worst frequency, and beginning of masses on the chart
+SIGNED = ("m", "rad")  # units of places and angles, which may be below zero
 COUNTED = "limiting."  # beginning of shares of poses, which jump
 
 
@@ -53,7 +57,10 @@ class WhatIf:
         before: the map of the machine.
         after: the map of the changed machine over its own workspace.
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
-            change is no number), value after, and relative change by both.
+            change is no number; below zero where it is too large), value after, and relative
+            change by both.
+        missing: why there are no bandwidths; empty where there are, or none are asked for.
+        damping: ratio of all modes on which bandwidths rest; None: what the file gives.
     """
 
     __repr__ = short_repr
@@ -62,6 +69,8 @@ class WhatIf:
     before: FrequencyMap
     after: FrequencyMap
     frame: pd.DataFrame
+    missing: str = ""
+    damping: float | None = None
 
     @property
     def headline(self) -> str:
@@ -70,32 +79,74 @@ class WhatIf:
         return f"of {self.before.machine.name}: worst {before:.4g} → {after:.4g} Hz"
 
     @cached_property
-    def _numbers(self) -> pd.DataFrame:
+    def numbers(self) -> pd.DataFrame:
+        """The numbers of the frame by quantity, without ``impossible`` linear estimates."""
+        table = self._numeric.copy()
+        table.loc[self.impossible, ["linear", "linear_change"]] = np.nan
+        return table
+
+    @property
+    def impossible(self) -> Flags:
+        """Which linear estimates are below zero, though no such value is: the change is large."""
+        table = self._numeric
+        signed = table["unit"].isin(SIGNED) | (table["before"] < 0) | (table["after"] < 0)
+        return np.asarray((table["linear"] < 0) & ~signed)
+
+    @property
+    def _numeric(self) -> pd.DataFrame:
         numeric = ~self.frame["before"].map(lambda value: isinstance(value, str))
         return self.frame[numeric].astype({"before": float, "after": float}).set_index("quantity")
 
     def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
         """Changes, frequencies, lift, and all other quantities that change."""
-        names = self._numbers.index
+        names = self.numbers.index
         lift = names.str.startswith(LIFT)
-        hertz = self._numbers["unit"] == "Hz"
-        others = self._numbers[~lift & ~hertz]
+        hertz = self.numbers["unit"] == "Hz"
+        others = self.numbers[~lift & ~hertz]
         moved = others[~(others["change"].abs() < UNCHANGED) & others["before"].notna()]
         unchanged = len(others) - len(moved)
         note = f"{unchanged} others do not change; all are in what_if.csv"
         sheets = [
             self._changes(),
-            self._sheet("Frequencies [Hz]", self._numbers[hertz], units, self._where()),
+            self._sheet("Frequencies [Hz]", self.numbers[hertz], units, self._notes()),
         ]
-        if lift.any():
-            sheets.append(self._lift(self._numbers[lift]))
+        charted = self.numbers[lift & (self.numbers["before"] > 0) & self.numbers["after"].notna()]
+        if len(charted):
+            sheets.append(self._lift(charted))
         return [*sheets, self._sheet("Forces, speeds, pressures, reach", moved, units, note)]
 
     def _changes(self) -> Sheet:
         pairs = self.changes.items()
         rows = tuple((path, *("–" if v is None else f"{v}" for v in both)) for path, both in pairs)
-        columns = ("key", "before", "after")
-        return Sheet(title=f"What if: {self.before.machine.name}", columns=columns, rows=rows)
+        return Sheet(
+            title=f"What if: {self.before.machine.name}",
+            columns=("key", "before", "after"),
+            rows=rows,
+            note=self._without_estimate(),
+        )
+
+    def _without_estimate(self) -> str:
+        """Why linear estimates are left out; empty where they are not."""
+        if self.frame["linear"].isna().all():
+            return "no linear estimate: more than numbers changes, a word or a count"
+        below = int(self.impossible.sum())
+        if not below:
+            return ""
+        return (
+            f"{below} linear estimates are left out: they are below zero, which their quantities"
+            " never are, as the change is too large for a straight line"
+        )
+
+    def _notes(self) -> str:
+        if name_of(SCHEMES[0]) not in self.numbers.index:
+            return self._where()
+        stated = "of the file" if self.damping is None else f"stated, {self.damping:g}"
+        widths = (
+            f"; bandwidth: of the narrowest loop, gains common to all, at the lowest pose of the"
+            f" grid, damping {stated}"
+        )
+        why = f"; none is given: {self.missing}" if self.missing else ""
+        return self._where() + widths + why
 
     def _where(self) -> str:
         one, two = self.before.worst, self.after.worst
@@ -123,15 +174,14 @@ class WhatIf:
             note=note,
         )
 
-    def _lift(self, table: pd.DataFrame) -> Sheet:
+    def _lift(self, known: pd.DataFrame) -> Sheet:
         """Least, median and greatest change of what the machine lifts over its chart."""
-        known = table[(table["before"] > 0) & table["after"].notna()]
         ratios = {kind: known[kind] / known["before"] - 1 for kind in ("linear", "after")}
         exact = ratios["after"]
         rows = []
         for words, at in (("least", exact.argmin()), ("greatest", exact.argmax())):
             row = known.iloc[int(at)]
-            masses = (f"{row[kind]:.0f}" for kind in ("before", "linear", "after"))
+            masses = (_mass(row[kind]) for kind in ("before", "linear", "after"))
             cells = (_percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))
             rows.append((f"{words}, {known.index[int(at)]}", *masses, *cells))
         medians = (_percent(float(ratios[kind].median())) for kind in ("linear", "after"))
@@ -158,6 +208,10 @@ def _cell(value: Any, unit: str, units: Units) -> str:
     return units.number(value, unit)
 
 
+def _mass(value: float) -> str:
+    return f"{value:.0f}" if np.isfinite(value) else "–"
+
+
 def _percent(share: float) -> str:
     return percent(share) if np.isfinite(share) else "–"
 
@@ -169,6 +223,8 @@ def what_if(
     points: int | Sequence[int] | None = None,
     *,
     more: Callable[[FrequencyMap], Quantities] | None = None,
+    bandwidth: bool | None = None,
+    damping: float | None = None,
 ) -> WhatIf:
     """Effect of other numbers in a machine's file, all changes at once.
 
@@ -180,12 +236,14 @@ def what_if(
             ``{"cylinder.boom.bore_mm": 125.0}``; of a list also one number, as
             ``cylinder.boom.base.at_mm.0``.
         points: of the joint grids, as in ``Workspace.grid``.
-        more: further quantities of a mapped machine, value and SI unit by name, such as a
-            bandwidth; None: no more.
+        more: further quantities of a mapped machine, value and SI unit by name; None: no more.
+        bandwidth: whether bandwidths at the lowest pose are among them; None: where there are
+            some. None rests on zero damping.
+        damping: ratio of all modes that bandwidths rest on; None: what the file gives.
 
     Raises:
         ArmDesignError: a key that does not exist, with the nearest that does; a value that it
-            cannot have; or a machine that cannot be.
+            cannot have; a machine that cannot be; or no bandwidth where one must be.
 
     Example:
         >>> import armdesign as ad
@@ -198,17 +256,41 @@ def what_if(
     if not isinstance(changes, Mapping):
         raise ArmDesignError("what-if", f"{changes!r}: expected {{key path: value}}")
     other = changed_machine(machine, changes)
+    checked_damping(damping)
     today, new = (frequency_map(one, Workspace.grid(one, points)) for one in (machine, other))
     chart = lift_chart_if_any(machine)
 
+    missing: dict[str, None] = {}
+
     def everything(frequencies: FrequencyMap) -> Quantities:
         own = more(frequencies) if more else {}
+        if bandwidth is not False:
+            widths, why = _bandwidths(frequencies, damping, needed=bandwidth is True)
+            own, missing[why] = {**widths, **own}, None
         return {**_all_quantities(frequencies, chart), **own}
 
     before, after = everything(today), everything(new)
+    why = next(filter(None, missing), "")
     steps = numeric_changes(machine, other)
     linear = _linear(machine, steps, points, everything, before) if steps else {}
-    return WhatIf(_differing(machine, other), today, new, _frame(before, linear, after))
+    frame = _frame(before, linear, after)
+    return WhatIf(_differing(machine, other), today, new, frame, why, damping)
+
+
+def _bandwidths(
+    frequencies: FrequencyMap, damping: float | None, *, needed: bool
+) -> tuple[Quantities, str]:
+    """Bandwidths of a mapped machine, and why there are none.
+
+    Raises:
+        ArmDesignError: there are none where they are needed.
+    """
+    try:
+        return bandwidths(frequencies, damping), ""
+    except ArmDesignError as error:
+        if needed:
+            raise
+        return {name_of(scheme): (None, "Hz") for scheme in SCHEMES}, str(error)
 
 
 def _differing(machine: Machine, other: Machine) -> dict[str, tuple[Any, Any]]:

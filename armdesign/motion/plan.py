@@ -22,13 +22,14 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import joint_positions, refuse_unheld
+from armdesign.machine.poses import joint_positions
 from armdesign.motion.compensation import command_lead, compensated_commands
 from armdesign.motion.feed_forward import spool_plan
 from armdesign.motion.move import Move
 from armdesign.motion.outcome import MoveRun, move_run, ring_time
 from armdesign.motion.shapers import Shaper
 from armdesign.motion.shaping import shaper_for
+from armdesign.motion.spilling import refuse_spilling
 from armdesign.motion.trajectory import Leg, fastest_leg, trajectory
 from armdesign.motion.way import WayModes, way_modes
 from armdesign.simulation.plant.equilibrium import refuse_overcome
@@ -39,6 +40,7 @@ from armdesign.units import l_per_min, mm
 
 # Shares of flow and force that a plan uses: the arm rings about it. The next where chambers jolt.
 SHARES = (0.7, 0.5, 0.35)
+SLOWEST, PATIENT = 30.0, 60.0  # times the shortest duration, or [s]: beyond both nothing rings
 ROUNDING = 1e-6  # of a duration that is the shortest, as printed
 TOLERANCE = 1e-6  # of the runs
 
@@ -74,7 +76,7 @@ def plan_move(
         modes: how many of the lowest modes it is made for; None: those up to 4.5 times the
             lowest, as higher ones leave less than 5 % after the same step of acceleration.
         damping: ratio that it is made for; None: of each linear mode at the end.
-        duration: without the shaper's delay [s]; None: the shortest.
+        duration: without the shaper's delay [s], up to 60 or 30 times the shortest; None: that.
         share: of the pump's flow and of the force that pressures leave, that is used. None: 0.7,
             or less where chambers that run empty and fill again on the way leave more than 5 % of
             the unshaped (``Move.jolts``), which no shaper foresees.
@@ -83,7 +85,7 @@ def plan_move(
 
     Raises:
         ArmDesignError: an option out of its range, or a move faster than pump, valves and
-            pressures allow, with the shortest duration.
+            pressures allow, or much slower, with the duration that can be.
         PoseError: a pose that cannot be taken, or one that does not hold the load case.
         SimulationError: a valve is missing, or a run gives up.
 
@@ -98,7 +100,7 @@ def plan_move(
     _refuse_options(machine, {"share": shares[0], "spread": spread, "settled": settled}, modes)
     model = machine if payload is None else machine.with_payload(payload)
     poses = np.vstack([joint_positions(model, start), joint_positions(model, end)])
-    refuse_unheld(model, poses)
+    refuse_spilling(model, poses)
     refuse_overcome(Plant(at_rest(model, poses[0])), model.at(poses))
     masses = _masses(model, spread)
 
@@ -131,10 +133,10 @@ def _calmest(planned: Callable[[float], Move], shares: Sequence[float]) -> Move:
 
 def _refuse_options(machine: Machine, options: dict[str, float], modes: int | None) -> None:
     """Refuse options out of their range."""
-    allowed = {"share": "(0, 1]", "spread": "[0, 1)", "settled": "(0, inf)"}
+    allowed = {"share": "[0.01, 1]", "spread": "[0, 1)", "settled": "(0, inf)"}
     for name, value in options.items():
         within = {
-            "share": 0 < value <= 1,
+            "share": 0.01 <= value <= 1,
             "spread": 0 <= value < 1,
             "settled": 0 < value < math.inf,
         }
@@ -148,14 +150,19 @@ def _refuse_options(machine: Machine, options: dict[str, float], modes: int | No
 
 
 def _within(machine: Machine, legs: Sequence[Leg], duration: float) -> list[Leg]:
-    """The legs within a duration [s], refused if it is shorter than they are."""
+    """The legs within a duration [s], refused if it is shorter than they are, or of no use."""
     shortest = sum(leg.law.duration for leg in legs)
-    factor = duration / shortest
-    if not (math.isfinite(factor) and factor >= 1 - ROUNDING):
+    factor, longest = duration / shortest, max(SLOWEST * shortest, PATIENT)
+    part = f"{machine.name}: move: duration"
+    if duration > longest:
+        fault = f"{duration:.3g} s is more than {SLOWEST:g} times the shortest, {shortest:.3g} s"
+        remedy = f"give {math.floor(longest):g} s or less: so slow a move does not ring"
+        raise ArmDesignError(part, fault, remedy)
+    if not factor >= 1 - ROUNDING:
         flow = f"{machine.supply.flow / l_per_min:.0f} l/min, its valves and pressures"
         fault = f"{duration:.3g} s is faster than the pump's {flow} allow"
         remedy = f"give {math.ceil(100 * shortest) / 100:.2f} s or more"
-        raise ArmDesignError(f"{machine.name}: move: duration", fault, remedy)
+        raise ArmDesignError(part, fault, remedy)
     return [leg.stretched(max(factor, 1.0)) for leg in legs]
 
 

@@ -16,6 +16,7 @@ from armdesign.plots.canvas import (
     joint_label,
     joint_values,
     literal,
+    plain_decades,
     title_of,
 )
 from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
@@ -92,6 +93,7 @@ def bandwidth_maps(bandwidths: BandwidthMap) -> Figure:
         bandwidth_map(bandwidths, ax, scheme, vmin=low, vmax=high)
         if len(drawn_joints(bandwidths.machine)) == 1:
             ax.set_ylim(0.8 * low, 2 * high)
+            plain_decades(ax)
     for ax in axes[:-1]:
         if ax.child_axes:
             hide_colour_bar(ax)
@@ -147,5 +149,6 @@ def _curves(ax: Axes, bandwidths: BandwidthMap, scheme: str) -> None:
         q = joint_values(joint, rows[joint.name].to_numpy())
         (line,) = ax.plot(q, rows[f"{scheme}_hz"], label=str(payload))
         ax.plot(q, rows["rule_hz"], "--", lw=1, color=line.get_color(), label=f"{payload}: f/3")
-    ax.set(xlabel=joint_label(joint), ylabel=BANDWIDTH, yscale="log")
+    ax.set(xlabel=joint_label(joint), ylabel=BANDWIDTH)
+    plain_decades(ax)
     ax.legend(frameon=False, fontsize=9)

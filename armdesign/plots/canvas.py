@@ -243,9 +243,15 @@ def joint_label(joint: Joint) -> str:
 
 def plain_decades(ax: Axes) -> None:
     """A logarithmic axis with numbers as people write them."""
-    from matplotlib.ticker import LogLocator, StrMethodFormatter
-
     ax.set_yscale("log")
-    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    ax.yaxis.set_minor_formatter("")
+    plain_ticks(ax.yaxis, *ax.get_ylim())
+
+
+def plain_ticks(axis: Any, low: float, high: float) -> None:
+    """Plain numbers on a logarithmic axis: 0.2, 0.5, 1 …, even ones where it spans no decade."""
+    from matplotlib.ticker import LogLocator, MaxNLocator, StrMethodFormatter
+
+    decades = high > 10 * low
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)) if decades else MaxNLocator(6))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter("")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from armdesign.plots.canvas import plain_ticks
+
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
 
@@ -14,6 +16,8 @@ def colour_bar(ax: Axes, mesh: Any, label: str) -> Any:
     bar = ax.figure.colorbar(mesh, cax=place)
     bar.set_label(label)
     bar.outline.set_visible(False)
+    if place.get_yscale() == "log":
+        plain_ticks(bar.ax.yaxis, mesh.norm.vmin, mesh.norm.vmax)
     return bar
 
 

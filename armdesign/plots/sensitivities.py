@@ -69,7 +69,7 @@ def distribution(tolerances: Tolerances, ax: Axes | None = None) -> Axes:
 def linear_against_exact(answer: WhatIf, ax: Axes | None = None) -> Axes:
     """Axes with the relative change of every quantity, linear over exact."""
     ax = figure(1, 6.4, 5.6)[1][0] if ax is None else ax
-    frame = answer.frame[answer.frame["linear_change"].notna() & answer.frame["change"].notna()]
+    frame = answer.numbers.dropna(subset=["linear_change", "change"]).reset_index()
     exact, linear = 100 * frame["change"], 100 * frame["linear_change"]
     hertz, lift = frame["unit"] == "Hz", frame["quantity"].str.startswith("lift at ")
     groups = ((hertz, MARK, "frequencies"), (lift, CYLINDER, "lift chart"))

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from armdesign.control.bandwidth_map import GAIN_ERROR, BandwidthMap
 from armdesign.control.margins import gain_margin_db, phase_margin
 from armdesign.machine.poses import pose_text
@@ -43,9 +45,12 @@ def bandwidth_report(
         units: of the poses.
     """
     first = next(iter(maps.values())).machine
+    title = f"{first.section.title or first.name}: bandwidth of position loops"
+    if len(maps) > 1:
+        title = f"Bandwidth of position loops: {_machines(maps)}"
     named = {label or first.name: one for label, one in maps.items()}
     return Report(
-        title=f"{first.section.title or first.name}: bandwidth of position loops",
+        title=title,
         lead=bandwidth_sentence(maps),
         headline=_bandwidth_headline(list(maps.values()), units),
         sections=(
@@ -75,7 +80,7 @@ def _bandwidth_headline(maps: Sequence[BandwidthMap], units: Units) -> tuple[Hea
         machine, row = maps[-1].machine, rows[-1]
         at = pose_text(machine, row[list(machine.joints)].to_numpy(dtype=float), units)
         value = " → ".join(f"{float(one[column]):.3g}" for one in rows)
-        words = f"{at}, payload {row['payload']}"
+        words = f"{'new: ' if len(maps) > 1 else ''}{at}, payload {row['payload']}"
         numbers.append(HeadlineNumber(name=name, value=f"{value}\u00a0Hz", words=words))
     return tuple(numbers)
 
@@ -88,22 +93,42 @@ def bandwidth_sheets(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) 
         units: of the tables.
     """
     first = next(iter(maps.values()))
-    title = first.machine.section.title or first.machine.name
-    sheets = [_schemes_sheet(maps, title)]
+    title = f"{first.machine.section.title or first.machine.name}: bandwidth of the narrowest loop"
+    if len(maps) > 1:
+        title = f"Bandwidth of the narrowest loop: {_machines(maps)}"
+    sheets = [_schemes_sheet(maps, f"{title} [Hz]")]
     for label, bandwidths in maps.items():
         sheets += [_worst_sheet(label if len(maps) > 1 else "", bandwidths, units)]
     return [*sheets, _promises_sheet(maps)]
 
 
 def bandwidth_sentence(maps: Mapping[str, BandwidthMap]) -> str:
-    """Sentence on the last machine's bandwidth at its worst pose, beside its lowest frequency."""
-    last = list(maps.values())[-1]
-    hertz = {scheme: float(last.worst(scheme)[f"{scheme}_hz"]) for scheme in NAMES}
-    return (
-        f"Position loops alone reach {hertz['proportional']:.2g} Hz at the worst pose of"
-        f" {last.machine.name}, with pressure feedback {hertz['own']:.2g} Hz; its lowest natural"
-        f" frequency is {float(last.softest['f1_hz']):.3g} Hz."
+    """Sentence on bandwidths at the worst poses of one machine or two, and lowest frequencies."""
+    both = list(maps.values())
+    alone, fed_back = (
+        " and ".join(f"{float(one.worst(scheme)[f'{scheme}_hz']):.2g}" for one in both)
+        for scheme in ("proportional", "own")
     )
+    lowest = " and ".join(f"{float(one.softest['f1_hz']):.3g}" for one in both)
+    if len(both) == 1:
+        return (
+            f"Position loops alone reach {alone} Hz at the worst pose of"
+            f" {both[0].machine.name}, with pressure feedback {fed_back} Hz; its lowest natural"
+            f" frequency is {lowest} Hz."
+        )
+    return (
+        f"Each at its worst pose, position loops alone of today's and of the new machine reach"
+        f" {alone} Hz, with pressure feedback {fed_back} Hz; their lowest natural frequencies are"
+        f" {lowest} Hz."
+    )
+
+
+def _machines(maps: Mapping[str, BandwidthMap]) -> str:
+    """Labels of machines with their files, which tell machines of one name apart."""
+    files = {label: one.machine.source.name for label, one in maps.items()}
+    if len({*files.values()}) == 1:
+        return " and ".join(files)
+    return ", ".join(f"{label} {file}" for label, file in files.items())
 
 
 def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
@@ -118,7 +143,7 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
     source = "the file's" if damping is None else f"stated, {damping:g} in every mode"
     delay = f", delay {1e3 * options.delay:g} ms" if options.delay else ""
     return Sheet(
-        title=f"{title}: bandwidth of the narrowest loop [Hz]",
+        title=title,
         columns=(
             "controller",
             "worst",
@@ -172,15 +197,26 @@ def _least_and_median(bandwidths: BandwidthMap, column: str) -> list[str]:
 
 def _note(maps: Mapping[str, BandwidthMap]) -> str:
     """That own gains are lower bounds, and valves that are slower than what they are to damp."""
+    alike = SEARCHED + _poses(maps)
     words = [
         f"{label + ' ' if len(maps) > 1 else ''}{name} ({100 * share:.3g} % of the poses)"
         for label, bandwidths in maps.items()
         for name, share in bandwidths.slow_valves.items()
     ]
     if not words:
-        return SEARCHED
+        return alike
     said = "; valves slower than the lowest mode, which they cannot damp well: "
-    return SEARCHED + said + ", ".join(words)
+    return alike + said + ", ".join(words)
+
+
+def _poses(maps: Mapping[str, BandwidthMap]) -> str:
+    """Whether machines are compared at the same poses; empty for one machine."""
+    if len(maps) < 2:
+        return ""
+    one, *others = (each.workspace.q for each in maps.values())
+    if all(np.array_equal(one, other) for other in others):
+        return "; both machines at the same poses"
+    return "; each machine over its own joint ranges, as links or strokes differ: other poses"
 
 
 def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:
@@ -271,7 +307,7 @@ def _promises_sheet(maps: Mapping[str, BandwidthMap]) -> Sheet:
         rows=tuple(rows),
         note=(
             "too much: times what position loops alone reach; Merritt's bound is where a single"
-            " loop on the lowest mode becomes unstable, without any margin"
+            " loop on the lowest mode, behind a fast valve, becomes unstable, without any margin"
         ),
     )
 

@@ -15,7 +15,7 @@ from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, spring_note, worst_pose_text
-from armdesign.units import WORKSHOP, Units, percent
+from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
     from armdesign.design.design import Design
@@ -252,7 +252,7 @@ def binding_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         why = f"requirements with a common setting are relaxed together and share the gain{fixed}"
     else:
         title, head = "Requirements nearest to their limits", "margin"
-        last = [(c, f"{100 * c.slack:.2g} %") for c in design.tightest[:NEAREST]]
+        last = [(c, share_text(c.slack)) for c in design.tightest[:NEAREST]]
         why = (
             "sizes of a catalogue come in steps, so relaxing a limit by 1 % permits the next size"
             " or changes nothing"

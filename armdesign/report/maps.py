@@ -10,7 +10,7 @@ from armdesign.frequency.bands import Bands
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.sheet import Sheet, spring_note, worst_pose_text
-from armdesign.units import WORKSHOP, Units, percent
+from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
@@ -65,7 +65,7 @@ def _relief_note(frequencies: FrequencyMap, units: Units) -> str:
     for actuator in machine.actuators:
         if actuator.name in beyond:
             share, most = beyond[actuator.name]
-            where = f"{100 * share:.2g} % of the poses and loads" if share else "single poses"
+            where = f"{share_text(share)} of the poses and loads" if share else "single poses"
             needed, held = (units.text(p, "Pa") for p in (most, actuator.relief(machine.supply)))
             notes.append(
                 f"at {where} {actuator.name} needs more than its relief holds: up to {needed}, the"

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from armdesign.report.sheet import Sheet
-from armdesign.units import WORKSHOP, Units, percent
+from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
     from armdesign.motion.move import Move
@@ -36,7 +36,7 @@ def _runs(move: Move, units: Units) -> Sheet:
         [one for one in move.runs[::2] for _ in range(2)], move.runs, strict=True
     ):
         settled = f"{run.settled:.2f}" if math.isfinite(run.settled) else f"> {run.time[-1]:.1f}"
-        share = f"{100 * run.residual / first.residual:.2g} %" if run.shaped else "–"
+        share = share_text(run.residual / first.residual) if run.shaped else "–"
         rows.append(
             (
                 move.shaper.name if run.shaped else "unshaped",
@@ -96,8 +96,8 @@ def _shapers(move: Move) -> Sheet:
         bold=(0,) if move.shaper.delay else (),
         note=(
             "of the vibration that a step would leave, linear; width: of the band with at most 5 %"
-            " left, over the frequency; the first row is the one at work, the others are for the"
-            " lowest mode alone"
+            " left, over the frequency, of several modes if all err by one share; the first row is"
+            " the one at work, the others are for the lowest mode alone"
         ),
     )
 
@@ -110,7 +110,7 @@ def _shaper_row(shaper: Shaper, lowest: float) -> tuple[str, ...]:
         f"{shaper.delay:.3f}",
         f"{periods:.2f}",
         *(f"{value:.1f} %" for value in left),
-        f"{100 * shaper.insensitivity():.0f} %" if not shaper.parts else "–",
+        f"{100 * shaper.insensitivity():.0f} %",
     )
 
 
@@ -129,7 +129,7 @@ def _jolts(move: Move) -> str:
         words = (
             f"With {first.share:g} of the pump's flow and of the free force chambers would run"
             f" empty and fill again on the way ({chambers}), with a jolt that no shaper foresees:"
-            f" {100 * max(first.reductions):.2g} % would be left. So the move uses {move.share:g}."
+            f" {share_text(max(first.reductions))} would be left. So the move uses {move.share:g}."
         )
     if move.jolts:
         smaller = f"{GENTLER * move.share:.1g}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from armdesign.plots.charts import GREY, Chart, Curve
 from armdesign.report.sheet import Sheet
-from armdesign.units import percent
+from armdesign.units import percent, share_text
 
 if TYPE_CHECKING:
     from armdesign.simulation.sweeps import FittedMode, SweptMode
@@ -39,7 +39,7 @@ def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
     """One sweep; ``friction``: with the column of what dry friction makes of it."""
     from armdesign.simulation.sweeps import FittedMode
 
-    valve = "–" if math.isnan(sweep.amplitude) else f"{100 * sweep.amplitude:.2g} %"
+    valve = "–" if math.isnan(sweep.amplitude) else share_text(sweep.amplitude)
     linear = f"{sweep.linear_frequency:.4f}"
     cells = [f"{label}, {sweep.payload}", sweep.cylinder, valve, linear]
     if not isinstance(sweep, FittedMode):
@@ -119,7 +119,7 @@ def validation_chart(validation: Validation, colours: Mapping[str, str]) -> Char
 def _words(run: FittedMode) -> tuple[str, ...]:
     """What a chart says of a sweep."""
     return (
-        f"{run.pose} pose, {run.payload}: {run.cylinder}, valve {100 * run.amplitude:.2g} %",
+        f"{run.pose} pose, {run.payload}: {run.cylinder}, valve {share_text(run.amplitude)}",
         f"{run.linear_frequency:.4f}, {run.identified_frequency:.4f} Hz",
         percent(run.deviation, 2),
         f"linear {run.linear_damping:.4f}, measured {run.identified_damping:.4f}",

@@ -165,7 +165,7 @@ def test_a_pose_that_moves_is_counted() -> None:
 
 
 def test_tables_and_picture(answer: ad.Tolerances) -> None:
-    summary, percentiles, numbers = answer.sheets()
+    summary, _, percentiles, numbers = answer.sheets()
     assert summary.rows[0][1] == f"512, {len(answer.widths)} numbers differ"
     assert "of this file: none is stated" in summary.rows[1][1]
     assert len(percentiles.rows) == 3

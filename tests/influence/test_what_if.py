@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.influence.bandwidth import bandwidths
 from armdesign.influence.changes import read_changes
 from tests import machines
 from tests.commands import assert_one_line, main
@@ -83,7 +81,7 @@ def test_further_quantities_stand_beside_the_others() -> None:
 def test_bandwidth_stands_beside_the_others() -> None:
     """With pressure feedback it grows with the boom's bore, and linearly for 1 mm."""
     changes = {"cylinder.boom.bore_mm": 121.0}
-    answer = ad.what_if(ad.load("excavator_20t"), changes, POINTS, more=bandwidths)
+    answer = ad.what_if(ad.load("excavator_20t"), changes, POINTS)
     damped = row(answer, "bandwidth.damped")
     assert 0.05 < damped["before"] < 0.3
     assert damped["change"] > 0.005
@@ -95,11 +93,15 @@ def test_bandwidth_rests_on_the_damping_that_is_stated() -> None:
     machine, widths = ad.load("paper_1dof"), []
     changes = {"cylinder.lift.bore_mm": 64.0}
     for ratio in (0.02, 0.01):
-        answer = ad.what_if(machine, changes, 3, more=partial(bandwidths, damping=ratio))
+        answer = ad.what_if(machine, changes, 3, damping=ratio)
         widths.append(row(answer, "bandwidth.proportional")["before"])
     assert widths[1] == pytest.approx(widths[0] / 2, rel=0.05)
     with pytest.raises(ad.ArmDesignError, match="no bandwidth can rest on that"):
-        ad.what_if(machine, changes, 3, more=bandwidths)
+        ad.what_if(machine, changes, 3, bandwidth=True)
+    unknown = ad.what_if(machine, changes, 3)
+    assert row(unknown, "bandwidth.damped")[["before", "linear", "after"]].isna().all()
+    assert "state it, as --damping 0.02" in unknown.missing
+    assert unknown.sheets()[1].note.count("mode 1 has a damping ratio of 0") == 1
 
 
 @pytest.mark.slow
@@ -108,6 +110,25 @@ def test_a_word_has_no_linear_estimate() -> None:
     assert answer.frame["linear"].isna().all()
     assert row(answer, "boom.thrust")["change"] == pytest.approx(-0.5)
     assert any("–" in cell for cells in answer.sheets()[1].rows for cell in cells)
+    changes, _, lift, _ = answer.sheets()
+    assert changes.note.startswith("no linear estimate: more than numbers changes")
+    assert not any("nan" in cell for cells in lift.rows for cell in cells)
+    assert lift.rows[0][2] == "–"
+
+
+def test_a_frequency_below_zero_is_no_estimate() -> None:
+    """Ten times the load: the straight line ends below zero. Angles may be there."""
+    machine = ad.load("paper_1dof")
+    answer = ad.what_if(machine, {"payload.load.mass_kg": 2000.0}, 5, damping=0.02)
+    worst = row(answer, "worst")
+    assert worst["linear"] < 0 < worst["after"] < worst["before"]
+    hertz = answer.sheets()[1].rows[0]
+    assert (hertz[0], hertz[2], hertz[4]) == ("worst", "–", "–")
+    below = answer.numbers["linear"].dropna() < 0
+    assert set(answer.numbers.loc[below[below].index, "unit"]) <= {"m", "rad"}
+    count = int(answer.impossible.sum())
+    assert answer.sheets()[0].note.startswith(f"{count} linear estimates are left out")
+    assert answer.plot().get_ylim()[0] > -110
 
 
 @pytest.mark.slow
@@ -151,6 +172,7 @@ def test_changes_are_read_as_toml() -> None:
 
 
 BAD = [
+    ([], "what-if: nothing changes; give KEY=VALUE, as cylinder.boom.bore_mm=125"),
     (["cylinder.boom.bora_mm=125"], 'did you mean "cylinder.boom.bore_mm"?'),
     (["payload.fully.mass_kg=1"], 'did you mean "payload.full.mass_kg"?'),
     (["cylinder.boom.bore_mm"], "is not understood; give KEY=VALUE"),
@@ -205,11 +227,23 @@ def test_the_commands_write_their_tables(
     words = ["what-if", "paper_1dof", "cylinder.lift.bore_mm=70", "--points", "9", "--out"]
     assert main([*words, str(tmp_path / "a")], monkeypatch) == 0
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"what_if.csv", "what_if.png"}
+    said = " ".join(capsys.readouterr().out.split())
+    assert "bandwidth.damped – – – – –" in said
+    assert "no bandwidth can rest on that; state it, as --damping 0.02" in said
+    assert "lowest pose of the grid, damping of the file; none is given: paper_1dof" in said
     with_damping = [*words, str(tmp_path / "c"), "--damping", "0.02"]
-    assert main(with_damping, monkeypatch) == 2
-    assert_one_line(capsys.readouterr().err, "--damping: goes with --bandwidth")
+    assert main([*with_damping, "--no-bandwidth"], monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "--damping: is of the bandwidth; leave out --no-")
+    assert main([*words, str(tmp_path / "c"), "--bandwidth"], monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "no bandwidth can rest on that; state it, as")
+    assert main([*words, str(tmp_path / "c"), "--no-bandwidth"], monkeypatch) == 0
+    assert "bandwidth" not in capsys.readouterr().out
     assert main([*with_damping, "--bandwidth"], monkeypatch) == 0
-    assert "bandwidth.damped" in capsys.readouterr().out
+    said = " ".join(capsys.readouterr().out.split())
+    assert "damping stated, 0.02" in said
+    assert "none is given" not in said
+    table = pd.read_csv(tmp_path / "c" / "what_if.csv").set_index("quantity")
+    assert table.loc["bandwidth.damped", ["before", "linear", "after"]].astype(float).gt(0).all()
     machine = machines.named("paper_1dof")
     file = tmp_path / "paper_1dof.toml"
     file.write_text(f"{machine.text}\n[tolerances]\npin_mm = 1\n", encoding="utf-8")
@@ -217,7 +251,7 @@ def test_the_commands_write_their_tables(
     words = ["tolerances", str(file), "--points", "9", "--count", "100", "--least-frequency", "7"]
     assert main([*words, "--out", str(tmp_path / "b")], monkeypatch) == 0
     written = {path.name for path in (tmp_path / "b").iterdir()}
-    assert written == {"tolerances.csv", "machines.csv", "tolerances.png"}
+    assert written == {"tolerances.csv", "requirements.csv", "machines.csv", "tolerances.png"}
     table = pd.read_csv(tmp_path / "b" / "machines.csv")
     assert len(table) == 100
     assert np.all(table["worst_hz"] > 7)

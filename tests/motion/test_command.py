@@ -36,6 +36,8 @@ def test_a_move_is_written_and_said(
     assert impulses.sum() == pytest.approx(1)
     assert f"{runs['residual_mm'].iloc[1]:.2f}" in printed
     assert ("without a shaper" in printed) == (shaper == "none")
+    assert (" 100 % " in printed) == (shaper == "none")
+    assert "1e+02" not in printed
     assert "zvd" in printed, "the usual ones beside it"
 
 
@@ -59,6 +61,12 @@ def test_stops_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             "--to: boom 80 deg is outside its range [-49.7, 39] deg; the nearest",
         ),
         (["--to", "boom=5", "--duration", "0.1"], "0.1 s is faster than the pump's"),
+        (["--to", "boom=5", "--duration", "nan"], "nan s is faster than the pump's"),
+        (
+            ["--to", "boom=5", "--duration", "1e6"],
+            "1e+06 s is more than 30 times the shortest, 0.377 s; give 60 s or less: so slow",
+        ),
+        (["--to", "boom=5", "--duration", "inf"], "inf s is more than 30 times the shortest"),
         (
             ["--to", "boom=5", "--shaper", "x"],
             "shaper x: there is no such kind; choose from: none",
@@ -92,3 +100,18 @@ def test_positions_by_name_or_in_order() -> None:
     with pytest.raises(ad.ArmDesignError, match="--from: says nothing of tilt_boom and extension"):
         pose_of(machine, "lift_boom=10", "--from")
     assert (payload_of(""), payload_of("full"), payload_of("80")) == (None, "full", 80.0)
+
+
+@pytest.mark.parametrize("end", ["30,-90,-30", "60,-40,-10", "-10,-60,20"])
+def test_the_nearest_pose_that_holds_the_load_is_named(end: str) -> None:
+    """It can be taken as it stands, holds the load, and a tenth of a degree less does not."""
+    machine = ad.load("excavator_20t").with_payload("full")
+    start, spilling = (pose_of(machine, words, "--to") for words in ("30,-90,-90", end))
+    with pytest.raises(ad.ArmDesignError, match="the nearest that does is boom=") as caught:
+        ad.plan_move(machine, start, spilling)
+    nearest = np.array(pose_of(machine, caught.value.remedy.split()[-2], "--to"))
+    away = nearest - spilling
+    assert machine.holds(nearest[None])[0]
+    assert np.count_nonzero(np.abs(away) > 1e-9) < 3
+    less = nearest - np.radians(0.1) * np.sign(np.where(np.abs(away) > 1e-9, away, 0.0))
+    assert not machine.holds(less[None])[0]

@@ -100,7 +100,7 @@ def test_what_is_left_is_counted_about_the_drift(damping: float) -> None:
         ({"shaper": "zvdd"}, 'shaper zvdd: there is no such kind; did you mean "zvd"?'),
         ({"end": [-0.2]}, "move: no piston moves between the poses; give two poses that differ"),
         ({"end": [2.0]}, r"lift cylinder: length .* outside its stroke .*; stay in the range of"),
-        ({"share": 1.5}, r"move: share: 1.5 is not in \(0, 1\]; give one in it"),
+        ({"share": 1.5}, r"move: share: 1.5 is not in \[0.01, 1\]; give one in it"),
         ({"spread": -0.1}, r"move: spread: -0.1 is not in \[0, 1\)"),
         ({"settled": 0.0}, r"move: settled: 0 is not in \(0, inf\)"),
         ({"modes": 0}, "move: modes: 0 is below 1; give 1 or more"),

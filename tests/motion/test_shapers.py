@@ -145,6 +145,23 @@ def test_two_modes_multiply() -> None:
     assert "1 Hz and 2.7 Hz" in both.words
 
 
+def test_the_width_for_two_modes_is_that_of_oscillators_that_err_alike() -> None:
+    """Two oscillators that are struck, both slower or faster by one share, leave 5 % at most.
+
+    No narrower than either alone: what the one leaves the other does not add to.
+    """
+    for kinds in ((Shaper.zvd, Shaper.zvd), (Shaper.zv, Shaper.ei)):
+        one, two = (kind(f, 0.02) for kind, f in zip(kinds, (1.0, 1.35), strict=True))
+        both, width = one * two, (one * two).insensitivity()
+        share, ends = 1e-3, []
+        for sign in (1, -1):
+            errors = sign * np.arange(0.0, 1.0, share)
+            left = [max(rung(both, f * (1 + e), 0.02) for f in (1.0, 1.35)) for e in errors]
+            ends.append(abs(errors[int(np.argmax(np.array(left) > 0.05))]))
+        assert width == pytest.approx(sum(ends), abs=2 * share)
+        assert width > min(one.insensitivity(), two.insensitivity())
+
+
 def test_a_shaped_command_is_a_convolution() -> None:
     """A ramp after ZV is the mean of two ramps; both ends are kept."""
     shaper = Shaper.zv(1.0)

@@ -40,6 +40,22 @@ def test_gains_are_drawn_at_their_poses(name: str) -> None:
     np.testing.assert_array_equal(np.sort(values), np.sort(schedule.gains[:, 0]))
 
 
+@pytest.mark.parametrize("name", ["paper_1dof", "crossing"])
+def test_bandwidths_are_read_in_plain_decimals(name: str) -> None:
+    """On their axis or colour bar, whose scale is logarithmic: no 6×10⁻¹."""
+    machine = with_valves(machines.named(name))
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, 3), damping=0.02)
+    fig = plots.bandwidth_maps(bandwidths)
+    fig.canvas.draw()
+    alone = len(machine.joints) == 1
+    scales = fig.axes if alone else [ax.child_axes[0] for ax in fig.axes]
+    for ax in scales:
+        assert ax.get_yscale() == "log"
+        labels = [label.get_text() for label in ax.yaxis.get_ticklabels(which="both")]
+        numbers = [float(label) for label in labels if label]  # 10⁻¹ in mathtext is none
+        assert len(numbers) > 2
+
+
 def test_a_sweep_is_drawn_over_what_changed() -> None:
     bores = [60.0, 65.0, 70.0]
     sweep = ad.sweep("paper_1dof", {"cylinder.lift.bore_mm": bores}, points=3)
