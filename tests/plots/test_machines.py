@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,10 @@ def test_modes_are_drawn_with_frequency_and_amplitude() -> None:
     fig = plots.mode_shapes(named("excavator_20t"))
     titles = [ax.get_title(loc="left") for ax in fig.axes]
     assert len(titles) == 3
-    assert all("± 200 mm at the tool" in title for title in titles)
+    for ax, title in zip(fig.axes, titles, strict=True):
+        tips = [np.ravel(line.get_xydata()) for line in ax.lines if line.get_marker() == "*"][-2:]
+        tool = float(title.partition("± ")[2].partition(" mm at the tool")[0])
+        assert tool == pytest.approx(500 * math.dist(*tips), abs=0.51)  # half the way
     assert titles[0].startswith("mode 1: ")
     assert "% in boom" in titles[0]
 

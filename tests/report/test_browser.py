@@ -142,6 +142,33 @@ def test_switches_change_the_maps(browser: Any, written: Path) -> None:
     assert not wrong
 
 
+def test_swung_bodies_and_bars_keep_their_size(browser: Any, written: Path) -> None:
+    """Sides of all outlines and lengths of the four-bar's bars, at rest and in every mode."""
+    tab, wrong = opened(browser, written)
+    read = """(kind) => {
+      const sides = (path) => path.getAttribute('d').split('Z').filter(Boolean).flatMap((ring) => {
+        const at = ring.slice(1).split('L').map((one) => one.split(',').map(Number));
+        return at.slice(1).map(([x, y], k) => Math.hypot(x - at[k][0], y - at[k][1]));
+      });
+      const bars = [...document.querySelectorAll(`#drawing line[data-bar].${kind}`)];
+      const ends = (one) => ['x1', 'y1', 'x2', 'y2'].map((key) => Number(one.getAttribute(key)));
+      const long = bars.map(ends).map(([x, y, u, v]) => Math.hypot(u - x, v - y));
+      const name = kind === 'bar' ? 'body' : kind;
+      const bodies = [...document.querySelectorAll(`#drawing path.${name}`)];
+      return [bodies.map(sides), long];
+    }"""
+    for mode in range(3):
+        tab.select_option("#mode", str(mode))
+        bodies, bars = tab.evaluate(read, "bar")
+        swung, swung_bars = tab.evaluate(read, "swung")
+        assert len(bars) == len(swung_bars) == 2
+        assert swung_bars == pytest.approx(bars, abs=2e-3)
+        moving = bodies[1:]
+        for rest, gone in zip(moving, swung[: len(moving)], strict=True):
+            assert gone == pytest.approx(rest, abs=2e-3)
+    assert not wrong
+
+
 def test_tables_are_sorted_by_numbers(browser: Any, written: Path) -> None:
     tab, wrong = opened(browser, written)
     column = "[...document.querySelectorAll('table.sortable')].at(-1)"
