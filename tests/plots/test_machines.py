@@ -236,3 +236,23 @@ def test_titles_and_legends_are_on_the_paper() -> None:
 def test_machines_of_other_joints_are_not_drawn_over_each_other() -> None:
     with pytest.raises(ArmDesignError, match=r"has other joints \(.*\); give one with boom"):
         plots.machine_overlay(load("patu_boom"), load("loader_crane"))
+
+
+@pytest.mark.parametrize("name", ["slewing", "spatial", "rotator", "branched", "loader_crane"])
+def test_every_joint_is_labelled_and_no_label_covers_another(name: str) -> None:
+    """Also joints that slew or move out of the plane, in the middle pose and at an end."""
+    machine = named(name)
+    for q in (None, machine.ranges[:, 1]):
+        ax = plots.machine_drawing(machine, q)
+        ax.figure.canvas.draw()
+        texts = [text for text in ax.texts if text.get_text()]
+        heads = {text.get_text() for text in texts}
+        assert {f"joint {joint}" for joint in machine.joints} <= heads
+        boxes, frame = [text.get_window_extent() for text in texts], ax.get_window_extent()
+        dot = ax.figure.dpi / 72  # [px] a point: descenders of one line may touch the next one
+        for k, one in enumerate(boxes):
+            assert one.y0 > frame.y0 - dot
+            assert one.y1 < frame.y1 + dot
+            for other in boxes[:k]:
+                beside = one.x0 > other.x1 or other.x0 > one.x1
+                assert beside or min(one.y1, other.y1) - max(one.y0, other.y0) < 2 * dot
