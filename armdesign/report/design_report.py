@@ -87,7 +87,7 @@ def design_report(
             ReportSection(title="Assumptions", words=_assumptions(design)),
             ReportSection(title="Provenance", sheets=(_provenance(design, origin),)),
         ),
-        scene=scene_of(maps),
+        scene=scene_of(maps, units),
     )
 
 

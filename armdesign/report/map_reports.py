@@ -63,7 +63,7 @@ def map_report(
             ReportSection(title="Assumptions", words=assumptions(machine, frequencies.workspace)),
             ReportSection(title="Provenance", sheets=(provenance,)),
         ),
-        scene=scene_of({machine.name: frequencies}),
+        scene=scene_of({machine.name: frequencies}, units),
     )
 
 

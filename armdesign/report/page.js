@@ -123,8 +123,9 @@
   const limiting = (one, pose, mode = 0) => one.parts[one.poses[pose][1 + mode]];
   const frequency = (one, pose, mode = 0) => one.positions[pose][scene.joints.length + mode];
   const loadCase = (one, pose) => scene.cases[one.poses[pose][0] - 1];
+  const long = (metres) => `${(metres * scene.length[0]).toFixed(scene.length[2])} ${scene.length[1]}`;
   const poseWords = (one, pose) => scene.joints
-    .map(([name, unit], j) => `${name} ${one.positions[pose][j].toFixed(unit === "m" ? 3 : 1)}${unit === "m" ? " m" : unit}`)
+    .map(([name, unit, digits], j) => `${name} ${one.positions[pose][j].toFixed(digits)}${unit === "°" ? unit : ` ${unit}`}`)
     .join(", ");
 
   // ----------------------------------------------------------------------------- drawing
@@ -253,7 +254,7 @@
       if (!point.at || moved < 5e-4) return;
       add(parent, "line", { x1: from[0], y1: -from[1], x2: to[0], y2: -to[1], class: "arrow", "stroke-width": 2 * width });
       add(parent, "path", { d: path([arrowhead(from, to, 8 * width)]), class: "arrow", "stroke-width": 0 });
-      moves.push({ at: to, words: `${point.name} ${(1e3 * moved).toFixed(0)} mm` });
+      moves.push({ at: to, words: `${point.name} ${long(moved)}` });
     });
     return moves;
   };
@@ -293,7 +294,7 @@
   const swingWords = (one, rest) => {
     const far = ways(one, state.pose).at(-1), ends = [rest.points.at(-1), swung(one, state.pose, 1).points.at(-1)];
     const seen = Math.hypot(...[0, 1].map((k) => ends[1][k] - ends[0][k]));
-    return `${(1e3 * far).toFixed(0)} mm at the tool${seen < far / 2 ? ", most of it across the picture" : ""}`;
+    return `${long(far)} at the tool${seen < far / 2 ? ", most of it across the picture" : ""}`;
   };
   const modeWords = (mode) => ["the lowest mode", "the second mode", "the third mode"][mode];
   let begun = null;
@@ -365,6 +366,7 @@
     }
     return data;
   };
+  const axisLabel = ({ name, unit }) => `${name} [${unit === "°" ? "deg" : unit}]`;
   const range = (axis, middles, width) => {
     [axis.start, axis.end] = [Math.min(...middles) - width / 2, Math.max(...middles) + width / 2];
   };
@@ -383,8 +385,8 @@
       range(map.x_range, plane.x.middles, plane.x.width);
       if (plane.y) range(map.y_range, plane.y.middles, plane.y.width);
       else [map.y_range.start, map.y_range.end] = [0, 1.1 * high];
-      map.below[0].axis_label = `${plane.x.name} [${plane.x.unit === "°" ? "deg" : "m"}]`;
-      map.left[0].axis_label = plane.y ? `${plane.y.name} [${plane.y.unit === "°" ? "deg" : "m"}]` : scene.quantity;
+      map.below[0].axis_label = axisLabel(plane.x);
+      map.left[0].axis_label = plane.y ? axisLabel(plane.y) : scene.quantity;
       const least = Math.min(...data[k].value);
       map.title.text = values.length ? `${one.label}: from ${least.toFixed(3)} Hz` : one.label;
       source.selected.indices = [];

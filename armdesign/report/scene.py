@@ -25,6 +25,7 @@ from armdesign.drawing.swing import PictureJoints, Swing, Swings, picture_joints
 from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
+from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,10 +121,15 @@ class DrawnMachine:
 
 @dataclass(frozen=True, kw_only=True)
 class MapScene:
-    """Machines of one arm with their maps on the same cells, and what the maps show."""
+    """Machines of one arm with their maps on the same cells, and what the maps show.
+
+    ``joints`` are names, units and decimals; ``length`` is the factor of lengths from metres,
+    their unit and the decimals of ways.
+    """
 
     planes: tuple[CellPlane, ...]
-    joints: tuple[tuple[str, str], ...]
+    joints: tuple[tuple[str, str, int], ...]
+    length: tuple[float, str, int]
     cases: tuple[str, ...]
     machines: tuple[DrawnMachine, ...]
     quantity: str = FREQUENCY
@@ -150,18 +156,18 @@ class _Mapped:
     loops: Array | None = None
 
 
-def scene_of(maps: Mapping[str, FrequencyMap]) -> MapScene:
+def scene_of(maps: Mapping[str, FrequencyMap], units: Units = WORKSHOP) -> MapScene:
     """The scene of maps on one workspace, by the labels of their machines, today's first."""
-    return _scene({label: _of_frequencies(one) for label, one in maps.items()}, FREQUENCY)
+    return _scene({label: _of_frequencies(one) for label, one in maps.items()}, FREQUENCY, units)
 
 
-def bandwidth_scene(maps: Mapping[str, BandwidthMap]) -> MapScene | None:
+def bandwidth_scene(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) -> MapScene | None:
     """The scene of maps of bandwidth; None for machines that differ in joints or load cases."""
     machines = [one.machine for one in maps.values()]
     kinds = {(one.joints, tuple(case.name for case in one.payloads)) for one in machines}
     if len(kinds) > 1:
         return None
-    return _scene({label: _of_bandwidths(one) for label, one in maps.items()}, BANDWIDTH)
+    return _scene({label: _of_bandwidths(one) for label, one in maps.items()}, BANDWIDTH, units)
 
 
 def _of_frequencies(frequencies: FrequencyMap) -> _Mapped:
@@ -198,7 +204,7 @@ def _of_bandwidths(bandwidths: BandwidthMap) -> _Mapped:
     )
 
 
-def _scene(maps: Mapping[str, _Mapped], quantity: str) -> MapScene:
+def _scene(maps: Mapping[str, _Mapped], quantity: str, units: Units) -> MapScene:
     first = next(iter(maps.values()))
     joints = first.machine.arm.joints
     moving = [j for j in range(len(joints)) if j not in first.machine.idle_joints] or [0]
@@ -206,15 +212,17 @@ def _scene(maps: Mapping[str, _Mapped], quantity: str) -> MapScene:
     share = CELLS / (len(pairs) * len(first.machine.payloads) * len(maps))
     finest = max(int(share ** (1 / len(pairs[0]))), 2)
     grids = {j: _middles([one.workspace.axes[j] for one in maps.values()], finest) for j in moving}
-    axes = {j: _axis(joints[j], grids[j]) for j in moving}
+    axes = {j: _axis(joints[j], grids[j], units) for j in moving}
+    length, unit, digits = units.table["m"]
     cases = tuple(payload.name for payload in first.machine.payloads)
     planes = [CellPlane(x=axes[p[0]], y=axes[p[1]] if len(p) > 1 else None) for p in pairs]
     return MapScene(
         planes=tuple(planes),
-        joints=tuple((joint.name, "°" if joint.revolute else "m") for joint in joints),
+        joints=tuple((joint.name, *units.table[joint.unit][1:]) for joint in joints),
         cases=cases,
+        length=(1 / length, unit, digits - 1),
         machines=tuple(
-            _drawn_machine(label, one, [{j: grids[j] for j in pair} for pair in pairs])
+            _drawn_machine(label, one, [{j: grids[j] for j in pair} for pair in pairs], units)
             for label, one in maps.items()
         ),
         quantity=quantity,
@@ -227,14 +235,10 @@ def _middles(axes: Sequence[Array], finest: int) -> Array:
     return np.linspace(low, high, min(*map(len, axes), finest))
 
 
-def _factor(joint: Joint) -> float:
-    return float(np.degrees(1.0)) if joint.revolute else 1.0
-
-
-def _axis(joint: Joint, middles: Array) -> CellAxis:
-    shown = _factor(joint) * middles
+def _axis(joint: Joint, middles: Array, units: Units) -> CellAxis:
+    factor, unit, _ = units.table[joint.unit]
+    shown = middles / factor
     width = float(shown[1] - shown[0]) if len(shown) > 1 else 1.0
-    unit = "°" if joint.revolute else "m"
     return CellAxis(name=joint.name, unit=unit, middles=tuple(shown.tolist()), width=width or 1.0)
 
 
@@ -287,7 +291,9 @@ def _worst_of_each(cell: Array, rows: Array, lowest: Array, weights: Array) -> t
     return worst, spread
 
 
-def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) -> DrawnMachine:
+def _drawn_machine(
+    label: str, mapped: _Mapped, planes: list[dict[int, Array]], units: Units
+) -> DrawnMachine:
     machine, cells = mapped.machine, _cells(mapped, planes)
     kept, place = np.unique(cells.table[:, 3], return_inverse=True)
     rows = np.concatenate([[0], kept + 1])
@@ -301,7 +307,7 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
     swings = Swings(machine=machine, bodies=view.bodies, size=view.size)
     moved, joints = (swings.of(q, shapes[..., k]) for k in modes), picture_joints(machine, q)
     loose = _loose(view)
-    factors = np.array([_factor(joint) for joint in machine.arm.joints])
+    factors = np.array([1 / units.table[joint.unit][0] for joint in machine.arm.joints])
     exact = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
     of_cells = MILLIHERTZ if mapped.loops is None else 0.0
     return DrawnMachine(
@@ -320,7 +326,7 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
             tuple(tuple(map(tuple, np.round(ring, 3).tolist())) for ring in body.polygons)
             for body in view.bodies
         ),
-        points=_points(view, loose, machine),
+        points=_points(view, loose, machine, units),
         cylinders=_cylinders(view, machine),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
@@ -415,14 +421,16 @@ def _loose(view: SideView) -> list[int]:
     ]
 
 
-def _points(view: SideView, loose: list[int], machine: Machine) -> tuple[dict[str, Any], ...]:
+def _points(
+    view: SideView, loose: list[int], machine: Machine, units: Units
+) -> tuple[dict[str, Any], ...]:
     points, rows = _all_points(view), list[dict[str, Any]]()
     pins = {pin.name: pin for pin in view.pins}
     for i, (name, body) in enumerate(_carriers(view)):
         words = f"tool, on {machine.tool.link}" if name == "tool" else name
         if name in pins and pins[name].at is not None:
-            x, y, z = (1e3 * value for value in pins[name].at or ())
-            words = f"{name}, on {pins[name].link}: x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
+            x, y, z = (units.number(value, "m") for value in pins[name].at or ())
+            words = f"{name}, on {pins[name].link}: x {x}, y {y}, z {z} {units.name('m')}"
         at = None
         if i not in loose and body is not None:
             carried = _in_plate(view, body, points[:, i])

@@ -11,12 +11,13 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
 import armdesign as ad
 from armdesign.frequency.maps import FrequencyMap
+from armdesign.machine.poses import pose_text
 from armdesign.report.contents import Picture, Report, ReportSection
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.map_reports import map_report
@@ -25,6 +26,7 @@ from armdesign.report.page import page
 from armdesign.report.provenance import Origin
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet
+from armdesign.units import SI, WORKSHOP, Units
 from tests.chromium import cell_at, launched, opened, shown
 
 pytestmark = pytest.mark.slow
@@ -105,6 +107,38 @@ def test_hover_and_click_show_what_the_map_says(browser: Any, written: Path) -> 
     assert f"limited by {data['part']}" in said
     assert data["words"].split(" Hz")[0] in said
     assert tab.inner_html("#drawing") != before
+    assert not wrong
+
+
+@pytest.mark.parametrize("units", [WORKSHOP, SI], ids=["workshop", "si"])
+def test_drawing_and_maps_have_the_units_of_the_tables(
+    units: Units, browser: Any, tmp_path: Path
+) -> None:
+    """An angle and a slide: of the pose, the axes, what hovers, and the tool's way."""
+    machine = ad.load("loader_crane")
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, [2, 2, 3]))
+    shows: tuple[Literal["drawing", "maps"], ...] = ("drawing", "maps")
+    sections = tuple(ReportSection(title=one, shows=one) for one in shows)
+    scene = scene_of({machine.name: frequencies}, units)
+    path = tmp_path / "report.html"
+    report = Report(title="", lead="", sections=sections, scene=scene)
+    path.write_text(page(report, tmp_path), encoding="utf-8")
+    tab, wrong = opened(browser, path)
+    said, (angle, length) = tab.inner_text("#pose"), (units.name(one) for one in ("rad", "m"))
+    assert pose_text(machine, frequencies.worst.q, units) in said
+    assert re.search(rf" [0-9.]+ {length} at the tool", said)
+    tab.select_option("#plane", "1")  # lift_boom, extension
+    find = "Bokeh.documents.map((d) => d.get_model_by_name('map-0')).find((x) => x)"
+    labels = [tab.evaluate(f"{find}.{side}[0].axis_label") for side in ("below", "left")]
+    shown_angle = "deg" if angle == "°" else angle
+    assert labels == [f"lift_boom [{shown_angle}]", f"extension [{length}]"]
+    extension = machine.ranges[2] / units.table["m"][0]
+    ends = [tab.evaluate(f"{find}.y_range.{end}") for end in ("start", "end")]
+    assert ends[0] < extension[0] < extension[1] < ends[1]
+    pins = tab.evaluate(
+        "[...document.querySelectorAll('#drawing .pin')].map((p) => p.textContent)"
+    )
+    assert all(pin.endswith(f" {length}") for pin in pins if ": x " in pin)
     assert not wrong
 
 

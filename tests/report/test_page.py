@@ -48,7 +48,7 @@ def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
     cells, values, positions = (
         unpacked(table) for table in (drawn.cells, drawn.frequencies, drawn.positions)
     )
-    joints = [name for name, _ in scene.joints]
+    joints = [name for name, *_ in scene.joints]
     checked = 0
     for k, (x, y) in enumerate((plane.x, plane.y) for plane in scene.planes):
         assert y is not None
