@@ -120,7 +120,7 @@ def optimize(
     """
     from armdesign.report.designs import design_sheets
     from armdesign.report.least import least_sentence
-    from armdesign.sweeps.numbers import of_design
+    from armdesign.sweeps.numbers import of_search
 
     if bool(least) != bool(frequency):
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
@@ -139,7 +139,8 @@ def optimize(
     with run.writing(out) as folder:
         output.write_design(design, folder)
     leads = [least_sentence(design, least, run.units.units)] if least else []
-    run.show([*leads, *design_sheets(design, run.units.units)], lambda: of_design(design))
+    sheets = design_sheets(design, run.units.units)
+    run.show([*leads, *sheets], lambda: of_search(design, least))
 
 
 @app.command()
@@ -190,7 +191,7 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
     from armdesign.report.designs import design_sheets, summary
     from armdesign.report.validations import limiting_sheet
     from armdesign.simulation.validation import validate_maps
-    from armdesign.sweeps.numbers import of_design, of_validation
+    from armdesign.sweeps.numbers import of_search, of_validation
 
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
@@ -212,7 +213,7 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
                 answer, proofs, run.origin(search), folder, run.units.units
             )
     shown: list[Any] = [*sheets, limiting_sheet(proofs), summary(answer)]
-    run.show(shown, lambda: {**of_validation(proofs["new"]), **of_design(answer)})
+    run.show(shown, lambda: {**of_validation(proofs["new"]), **of_search(answer)})
 
 
 @app.command()

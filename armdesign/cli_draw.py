@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from armdesign.errors import ArmDesignError
 from armdesign.option_values import drawn_pose, loaded
 from armdesign.options import NewArgument, PayloadOption, PoseOption
 from armdesign.runs import OfMachine, command
 
 
-@command
+@partial(command, without=("units",))
 def draw(
     run: OfMachine, new: NewArgument = "", pose: PoseOption = "", payload: PayloadOption = ""
 ) -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from armdesign.errors import ArmDesignError, choose
 from armdesign.option_values import drawn_pose, listed
 from armdesign.options import ExportFormatOption, PoseOption
 from armdesign.runs import OfMachine, command
 
 
-@command
+@partial(command, without=("pictures", "units"))
 def export(run: OfMachine, formats: ExportFormatOption = "csv", pose: PoseOption = "") -> None:
     """Write a machine for other programs.
 

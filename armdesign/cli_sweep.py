@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+from functools import partial
 
 from armdesign.options import (
     FreshOption,
@@ -18,7 +19,7 @@ from armdesign.runs import Run, command
 JOURNAL = "sweep.sqlite"
 
 
-@command
+@partial(command, without=("pictures",))
 def sweep(
     run: Run,
     study: StudyArgument,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import webbrowser
+from functools import partial
 from typing import TYPE_CHECKING
 
 from armdesign.option_values import drawn_pose, grid_points, loaded
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from armdesign.viewing.view import View
 
 
-@command
+@partial(command, without=("pictures", "units"))
 def view(
     run: OverWorkspace,
     new: NewArgument = "",

@@ -40,18 +40,8 @@ def pose_of(
         name: ("deg", deg) if joint.revolute else ("mm", mm) for name, joint in joints.items()
     }
     remedy = f"give {','.join(f'{name}=… {unit}' for name, (unit, _) in units.items())}"
-    words = [word for word in listed(text) if word]
-    named = [word.partition("=")[::2] for word in words if "=" in word]
-    if not named and len(words) == len(joints):
-        named = list(zip(joints, words, strict=True))
-    elif len(named) < len(words) or not words:
-        fault = f'"{text}" is not one position per joint'
-        raise ArmDesignError(option, fault, remedy)
     pose = dict(zip(joints, last, strict=False))
-    for name, number in ((name.strip(), number) for name, number in named):
-        if name not in joints:
-            fault = f'there is no joint "{name}" in q'
-            raise ArmDesignError(option, fault, choose(name, joints))
+    for name, number in _named(text, list(joints), option, remedy).items():
         try:
             pose[name] = float(number) * units[name][1]
         except ValueError:
@@ -69,6 +59,26 @@ def pose_of(
             remedy = f"give {name}=… in {unit}" if math.isnan(value) else nearest
             raise ArmDesignError(option, fault, remedy)
     return tuple(pose[name] for name in joints)
+
+
+def _named(text: str, joints: Sequence[str], option: str, remedy: str) -> dict[str, str]:
+    """Positions as they are written, by the names of their joints."""
+    words = [word for word in listed(text) if word]
+    named = [word.partition("=")[::2] for word in words if "=" in word]
+    if not named and len(words) == len(joints):
+        return dict(zip(joints, words, strict=True))
+    if len(named) < len(words) or not words:
+        fault = f'"{text}" is not one position per joint'
+        raise ArmDesignError(option, fault, remedy)
+    positions = dict[str, str]()
+    for name, number in ((name.strip(), number) for name, number in named):
+        if name not in joints:
+            fault = f'there is no joint "{name}" in q'
+            raise ArmDesignError(option, fault, choose(name, joints))
+        if name in positions:
+            raise ArmDesignError(option, f"names {name} twice", "give one position of each joint")
+        positions[name] = number
+    return positions
 
 
 def drawn_pose(machine: Machine, text: str) -> Array:

@@ -348,7 +348,11 @@ FreshOption = Annotated[
     bool, typer.Option("--new", help="Set an earlier journal aside and begin another.")
 ]
 UnitsOption = Annotated[
-    Habit, typer.Option("--units", help="Units of printed tables: mm, bar, l, kN, deg; or SI.")
+    Habit,
+    typer.Option(
+        "--units",
+        help="Units of tables and of a report's maps, not of pictures: mm, bar, l, deg; or SI.",
+    ),
 ]
 OutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Accept a URDF outside the machine file's folder.")

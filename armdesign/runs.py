@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -57,10 +57,11 @@ Command = Callable[..., None]
 SHOWING = ("quiet", "json", "pictures")  # options that decide no answer
 
 
-def command(function: Command) -> Command:
+def command(function: Command, *, without: Collection[str] = ()) -> Command:
     """A command of a function: parameters that are groups become the options in them.
 
-    Arguments come first, then the function's own options, then options of groups.
+    Arguments come first, then the function's own options, then options of groups, but for those
+    ``without`` which the command goes: they would change nothing.
     """
     name = function.__name__.removesuffix("_command").replace("_", "-")
     groups: dict[str, type[Any]] = {}
@@ -69,7 +70,7 @@ def command(function: Command) -> Command:
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
         if dataclasses.is_dataclass(parameter.annotation):
             groups[parameter.name] = parameter.annotation  # type: ignore[assignment]
-            shared += _options(parameter.annotation)
+            shared += (p for p in _options(parameter.annotation) if p.name not in without)
         else:
             own.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
     required = [p for p in [*shared, *own] if p.default is inspect.Parameter.empty]
@@ -77,7 +78,7 @@ def command(function: Command) -> Command:
 
     def run(**given: Any) -> None:
         for key, group in groups.items():
-            values = {p.name: given.pop(p.name) for p in _options(group)}
+            values = {p.name: given.pop(p.name) for p in _options(group) if p.name in given}
             given[key] = group(**values, **({"command": name} if issubclass(group, Shown) else {}))
         shown = next(group for group in given.values() if isinstance(group, Shown))
         with shown.answering():

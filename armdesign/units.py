@@ -10,6 +10,24 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+__all__ = [
+    "ATMOSPHERE",
+    "GRAVITY",
+    "SI",
+    "WORKSHOP",
+    "MPa",
+    "Units",
+    "bar",
+    "cm3",
+    "deg",
+    "kN",
+    "l_per_min",
+    "litre",
+    "mm",
+    "ms",
+    "percent",
+]
+
 mm = 1e-3
 litre = 1e-3
 cm3 = 1e-6
@@ -133,3 +151,7 @@ SI = Units(
         "": (1.0, "", 2),
     }
 )
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])

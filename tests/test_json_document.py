@@ -63,6 +63,10 @@ def test_a_map_comes_down_to_numbers(document_of: Any) -> None:
         pytest.param(
             ("optimize", "paper_1dof", "--points", "5", "--vary", "areas"), marks=pytest.mark.slow
         ),
+        pytest.param(
+            ("optimize", "paper_1dof", "--points", "3", "--least", "oil", "--frequency", "7.2"),
+            marks=pytest.mark.slow,
+        ),
         ("control", "paper_1dof", "--points", "3", "--damping", "0.02"),
     ],
     ids=lambda words: words[0],
@@ -72,6 +76,22 @@ def test_every_number_has_a_meaning(document_of: Any, words: tuple[str, ...]) ->
     assert numbers
     for name in numbers:
         assert name in MEANINGS or any(re.fullmatch(one, name) for one in FAMILIES), name
+
+
+@pytest.mark.slow
+def test_the_bound_and_the_least_amount_are_numbers(document_of: Any) -> None:
+    """What the sentence and the sheets say, and the machine that was written has."""
+    words = ("--points", "3", "--vary", "areas", "--least", "oil", "--frequency", "7.2")
+    answer = document_of("optimize", "paper_1dof", *words)
+    numbers, written = answer["numbers"], ad.load(next(Path(answer["folder"]).glob("*.toml")))
+    for one, name in ((ad.load("paper_1dof"), "amount_before"), (written, "amount_after")):
+        oil = sum(c.bore_area * c.stroke for c in one.cylinders)
+        assert numbers[name] == pytest.approx(oil, rel=1e-8)
+        assert f"{1000 * oil:.3f}" in answer["sentences"][0]
+    assert numbers["least_of"] == "oil"
+    assert numbers["gap"] == pytest.approx(numbers["bound_hz"] / numbers["unrounded_hz"] - 1)
+    bound = f"{numbers['bound_hz']:.3f} Hz (gap {100 * numbers['gap']:.1f} %)"
+    assert bound in json.dumps(answer["sheets"])
 
 
 def test_tables_are_those_of_the_files(document_of: Any) -> None:

@@ -133,3 +133,38 @@ def test_piped_tables_are_not_wrapped_or_filled_up(tmp_path: Path) -> None:
     lines = done.stdout.splitlines()
     assert all(line == line.rstrip() for line in lines)
     assert any(len(line) > 100 for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("command", "without"),
+    [("export", ("pictures", "units")), ("view", ("pictures", "units")), ("sweep", ("pictures",))],
+)
+def test_options_that_would_change_nothing_are_not_there(
+    command: str,
+    without: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """No picture is written, no table printed."""
+    assert not set(without) & options_of(command)
+    assert main([command, "paper_1dof", "--pictures", "svg"], monkeypatch) == 2
+    assert "No such option: --pictures" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("pose", ["boom=10,boom=20", "boom=10, boom =10"])
+def test_a_joint_has_one_position(
+    pose: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["draw", "excavator_20t", "--pose", pose], monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "--pose: names boom twice; give one position of each")
+
+
+def test_the_file_of_a_folder_of_another_name_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As of ``design``, whose folder holds ``<machine>_optimized.toml``."""
+    file = tmp_path / "x_optimized.toml"
+    file.write_text(ad.load("paper_1dof").text, encoding="utf-8")
+    for command in ("check", "map", "draw"):
+        assert main([command, str(tmp_path)], monkeypatch) == 2
+        assert_one_line(capsys.readouterr().err, f"name the .toml file itself, as {file}")

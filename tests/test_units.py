@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import armdesign as ad
 from armdesign.units import SI, WORKSHOP, mm, percent
 
 
@@ -30,3 +31,12 @@ def test_nothing_is_printed_as_minus_nothing() -> None:
     assert WORKSHOP.number(-0.06 * mm, "m") == "-0.1"
     assert SI.number(-1e-9, "N") == "0"
     assert WORKSHOP.text(-1e-12, "rad") == "0.0°"
+
+
+def test_units_show_what_is_meant_for_others() -> None:
+    """No imports and no helpers; every factor that a file's units need."""
+    shown = {name for name in dir(ad.units) if not name.startswith("_")}
+    assert shown == set(ad.units.__all__)
+    assert {"mm", "deg", "bar", "MPa", "litre", "l_per_min", "kN"} <= shown
+    assert not {"annotations", "dataclass", "Mapping", "math"} & shown
+    assert all(hasattr(ad.units, name) for name in shown)

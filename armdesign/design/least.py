@@ -150,6 +150,16 @@ def amount_of(machine: Machine, today: Machine, of: str) -> float:
     return float((new.sum(axis=0) / old.sum(axis=0) if of == "oil" else new / old).max())
 
 
+def amounts(design: Design, of: str) -> tuple[float, float]:
+    """Oil of all cap sides [m³], pump flow [m³/s] or mass of all cylinders [kg], today and new."""
+    today, new = design.today, design.machine
+    if of == "oil":
+        before, after = (sum(c.bore_area * c.stroke for c in m.cylinders) for m in (today, new))
+        return float(before), float(after)
+    scale = today.supply.flow if of == "flow" else 1.0
+    return scale * amount_of(today, today, of), scale * amount_of(new, today, of)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeastAmount:
     """Searches for a ``frequency`` [Hz] under several limits on an amount ``of`` something."""

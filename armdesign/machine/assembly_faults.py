@@ -1,7 +1,8 @@
 """Faults that only the assembled machine shows, and why a joint has no range or part of one.
 
 Each cause of a wrong range is tried: the range is worked out again with the axis reversed, with
-limits taken as degrees, with one length or pin taken as metres. A cause is named if the strokes
+limits taken as degrees, with the knee of a four-bar on its other side, with one length or pin
+taken as metres. A cause is named if the strokes
 fit the limits of the URDF with this correction, and do not fit them without it.
 """
 
@@ -199,6 +200,7 @@ def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, 
     of_joint = _trials_of_links if arm.of_links else _trials_of_urdf
     for cause, limits in of_joint(arm, joint):
         yield cause, (arm.within(joint, *limits), joint, own)
+    yield from ((cause, (arm, joint, other)) for cause, other in _mirrored(own))
     for unit, factor in MISTAKEN["mm"].items():
         for keys, enlarged in _enlarged(own, factor):
             yield _of_keys(own, keys, unit, factor), (arm, joint, enlarged)
@@ -248,6 +250,19 @@ def _trials_of_links(arm: Arm, joint: int) -> Iterator[tuple[Cause, Limits]]:
     words = f"[{axis}] looks reversed: with [{reverse}] the strokes fit {key} = {given}"
     remedy = f"write axis = [{reverse}], or {key} = {turned}"
     yield Cause(path=f"{path}.axis", words=words, remedy=remedy), (-upper, -lower)
+
+
+def _mirrored(own: Own) -> Iterator[tuple[Cause, Own]]:
+    """The cause that a linkage is on its other side, and the cylinders with it there."""
+    for i, (linkage, cylinder) in enumerate(own):
+        if linkage.mirrored:
+            key, given, other, mirrored = linkage.mirrored
+            cause = Cause(
+                path=f"cylinder.{cylinder.name}.{linkage.key}.{key}",
+                words=f'"{given}" looks like the wrong side: with "{other}" the strokes fit',
+                remedy=f'write {key} = "{other}"',
+            )
+            yield cause, [*own[:i], (mirrored, cylinder), *own[i + 1 :]]
 
 
 def _of_all_lengths(arm: Arm, own: Own) -> tuple[Cause, float]:

@@ -80,7 +80,10 @@ def find(path_or_name: str | Path) -> Path:
     if str(path) in names and not path.is_file():
         return names[str(path)]
     if path.is_dir():
-        raise MachineFileError(str(path), f"holds no {own.name}", "name the .toml file itself")
+        files = sorted(one for one in path.glob("*.toml") if one.is_file())
+        named = f", as {' or '.join(map(str, files[:2]))}" if files else ""
+        remedy = f"name the .toml file itself{named}"
+        raise MachineFileError(str(path), f"holds no {own.name}", remedy)
     if path.suffix == ".toml" or path.exists():
         return path
     remedy = f"{choose(str(path), names)}, or give a .toml file"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import math
 import os
 import sys
 import tempfile
@@ -23,6 +22,7 @@ from armdesign.arrays import Array
 from armdesign.drawing.colours import ACTUATORS
 from armdesign.errors import ArmDesignError, printable
 from armdesign.transaction import undisturbed
+from armdesign.units import deg, mm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
@@ -232,13 +232,13 @@ def title_of(machine: Machine) -> str:
 
 
 def joint_values(joint: Joint, q: Array) -> Array:
-    """Positions of a joint [rad, m] in the unit of its axis, degrees or metres."""
-    return q * (math.degrees(1) if joint.revolute else 1.0)
+    """Positions of a joint [rad, m] in the unit of its axis, degrees or millimetres."""
+    return q / (deg if joint.revolute else mm)
 
 
 def joint_label(joint: Joint) -> str:
     """Label of a joint's axis: its name and unit."""
-    return f"{joint.name} [{'deg' if joint.revolute else 'm'}]"
+    return f"{joint.name} [{'deg' if joint.revolute else 'mm'}]"
 
 
 def plain_decades(ax: Axes) -> None:

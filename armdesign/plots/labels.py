@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
 
 EDGE = 0.012  # of the axes' width, between its side and a column
-BESIDES = 1.7  # [in] of a figure's height that its axes leave to title, ticks and legend
 ASIDE = 0.8  # [pt] of each line of a label: the white of neither covers the other
-APART = 0.33  # [in] from label to label
-LOW, HIGH = 0.05, 0.91  # of the axes' height, between which labels are
+LABEL_ROOM = 0.34  # of a drawing's width, the least on either side of it
+APART, CLOSEST = 0.33, 0.31  # [in] from label to label, where there is room, and at least
+LETTER, SPARE = 0.056, 0.25  # [in] of a line's letters, and of what a column needs besides
+BELOW, ABOVE = 0.15, 0.2  # [in] of the axes below and above all labels
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,6 +39,23 @@ class Label:
     colour: str
 
 
+def room_for(labels: Sequence[Label], limits: Array, width: float) -> tuple[float, Array]:
+    """Room that labels need beside a drawing, as share of its width; its limits, with room above.
+
+    Args:
+        labels: in two columns.
+        limits: of the drawing, lower left and upper right (2, 2).
+        width: of its axes [in].
+    """
+    letters = max((len(one.below) for one in labels), default=0)
+    column = min(LETTER * letters + SPARE, width / 3)
+    share = max(LABEL_ROOM, column / (width - 2 * column))
+    (left, low), (right, high) = limits
+    lines = CLOSEST * ((len(labels) - 1) // 2) + BELOW + ABOVE
+    tall = lines / width * (1 + 2 * share) * (right - left)
+    return share, np.array([[left, low], [right, max(high, low + tall)]])
+
+
 def place_labels(ax: Axes, labels: Sequence[Label]) -> None:
     """Write labels in two columns, in the order of their points' heights, evenly apart.
 
@@ -55,12 +73,14 @@ def place_labels(ax: Axes, labels: Sequence[Label]) -> None:
 def _rows(ax: Axes, column: Sequence[Label]) -> Array:
     """Heights of labels in a column, from its top, each as near to its point as room allows."""
     low, high = ax.get_ylim()
-    wanted = np.clip([(one.at[1] - low) / (high - low) for one in column], LOW, HIGH)
-    height = max(ax.figure.bbox.height / ax.figure.dpi - BESIDES, 1.0)
-    apart = min(APART / height, (HIGH - LOW) / max(len(column) - 1, 1))
-    rows = wanted.copy()
+    left, right = ax.get_xlim()
+    box = ax.get_window_extent()
+    height = min(box.height, box.width * (high - low) / (right - left)) / ax.figure.dpi
+    begin, end = BELOW / height, max(1 - ABOVE / height, BELOW / height)
+    apart = min(APART / height, (end - begin) / max(len(column) - 1, 1))
+    rows = np.array([(one.at[1] - low) / (high - low) for one in column])
     for _ in range(200):  # neighbours push each other apart
-        rows = np.clip(rows, LOW, HIGH)
+        rows = np.clip(rows, begin, end)
         gaps = rows[:-1] - rows[1:] - apart
         if len(gaps) == 0 or gaps.min() > -1e-4:
             break

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
+from armdesign.drawing.joint_arcs import drawn_ranges
 from armdesign.drawing.side_view import SideView
 from armdesign.machine.poses import pose_text
-from armdesign.plots.canvas import INK, MARK, below, joint_values
+from armdesign.plots.canvas import INK, MARK, below
 from armdesign.plots.labels import Label
 from armdesign.units import WORKSHOP, mm
 
@@ -60,16 +61,20 @@ def pin_labels(machine: Machine, view: SideView) -> list[Label]:
 
 
 def joint_labels(machine: Machine, view: SideView) -> list[Label]:
-    """A label for every joint with an arc: its range."""
+    """A label for every joint: its range, and whether it slews or moves out of the plane."""
+    lines = {arc.joint: line for arc, line in zip(view.arcs, view.arc_lines(), strict=True)}
     labels = []
-    for arc, line in zip(view.arcs, view.arc_lines(), strict=True):
-        index = view.joints.index(arc.joint)
-        joint = machine.arm.joints[index]
-        ends = joint_values(joint, np.array([arc.lower, arc.upper]))
-        unit, digits = ("°", 1) if arc.revolute else (" m", 3)
-        at = view.pivots[0, index] if arc.revolute else line[-1]
-        below = number(f"range {ends[0]:.{digits}f} to {ends[1]:.{digits}f}{unit}")
-        labels.append(Label(at=at, head=f"joint {arc.joint}", below=below, colour=INK))
+    for index, (joint, span) in enumerate(
+        zip(machine.arm.joints, drawn_ranges(machine), strict=True)
+    ):
+        low, high = WORKSHOP.number(span[0], joint.unit), WORKSHOP.text(span[1], joint.unit)
+        line = lines.get(joint.name)
+        at = view.pivots[0, index] if joint.revolute or line is None else line[-1]
+        below = number(f"range {low} to {high}")
+        if line is None:
+            slews = index in machine.arm.slewing
+            below = f"{'slews' if slews else 'out of plane'}, {below}"
+        labels.append(Label(at=at, head=f"joint {joint.name}", below=below, colour=INK))
     return labels
 
 

@@ -24,7 +24,7 @@ from armdesign.plots.canvas import (
     show_in_notebooks,
     title_of,
 )
-from armdesign.plots.labels import place_labels
+from armdesign.plots.labels import place_labels, room_for
 from armdesign.plots.machine_words import (
     ends,
     faults,
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 BODY: Style = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
 ROD: Style = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
 EARTH, FAINT = "#8b7355", "#9ca3af"
-LABEL_ROOM = 0.34  # of the drawn width, on either side of the machine
 LINE = 0.15  # [in] of a line of words
 BESIDE = 0.22  # of the width: the range of the tool
 
@@ -60,14 +59,15 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
         ax: axes to draw into; new ones if None.
     """
     view = side_view(machine, middle_pose(machine) if q is None else q)
-    limits, wrong = extent([view]), faults(machine, view)
+    wrong = faults(machine, view)
+    labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
+    room, limits = room_for(labels, extent([view]), axes_width(beside=True))
     if ax is None:
-        ax, beside = new_axes(limits, 2 + len(wrong), beside=True)
+        ax, beside = new_axes(limits, 2 + len(wrong), room, beside=True)
         _tool_range(beside, machine, view)
     draw_machine(ax, machine, view)
     _arcs(ax, view)
-    frame(ax, limits, view)
-    labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
+    frame(ax, limits, view, room)
     place_labels(ax, labels)
     head(ax, machine, [pose_words(machine, view), *wrong])
     sizes_legend(ax, [machine])
@@ -151,14 +151,18 @@ def extent(views: Sequence[SideView]) -> Array:
     return np.array([low - margin, high + margin])
 
 
-def new_axes(limits: Array, lines: int, beside: bool = False) -> list[Any]:
+def axes_width(beside: bool = False) -> float:
+    """Width [in] of the axes of a drawing, without or with others beside them."""
+    return WIDTH * (1 - BESIDE if beside else 1) - 0.6
+
+
+def new_axes(limits: Array, lines: int, room: float, beside: bool = False) -> list[Any]:
     """New axes as high as the drawing needs beside its labels; with others beside them.
 
-    ``lines`` of words stand above the drawing.
+    ``lines`` of words stand above the drawing, ``room`` is as in ``frame``.
     """
     wide, high = limits[1] - limits[0]
-    width = WIDTH * (1 - BESIDE if beside else 1) - 0.6
-    height = float(np.clip(width * high / (wide * (1 + 2 * LABEL_ROOM)), 2.4, 8.0))
+    height = float(np.clip(axes_width(beside) * high / (wide * (1 + 2 * room)), 2.4, 8.0))
     height += 1.0 + LINE * lines
     if not beside:
         return list(figure(1, WIDTH, height)[1])
@@ -169,8 +173,8 @@ def new_axes(limits: Array, lines: int, beside: bool = False) -> list[Any]:
     return axes
 
 
-def frame(ax: Axes, limits: Array, view: SideView, room: float = LABEL_ROOM) -> None:
-    """Limits, equal scales and ground, with room for labels on either side of the limits."""
+def frame(ax: Axes, limits: Array, view: SideView, room: float) -> None:
+    """Limits, equal scales and ground; ``room`` for labels on either side, over the width."""
     (left, low), (right, high) = limits
     space = room * (right - left)
     left, right = left - space, right + space

@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.side_view import SideView, side_view
-from armdesign.drawing.swing import round_amplitude, swung
-from armdesign.frequency.modes import Modes, energy_shares, natural_modes
+from armdesign.drawing.swing import Swing, Swings
+from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.machine.poses import joint_positions
 from armdesign.plots.canvas import COMPUTED, MARK, WIDTH, figure, literal, title_of
 from armdesign.plots.machine_words import pose_words
 from armdesign.plots.machines import draw_machine, extent, frame
+from armdesign.units import mm
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -28,8 +29,9 @@ SHOWN = 3  # lowest modes
 def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
     """Figure of the lowest modes of a pose: the machine at rest and at both ends of its swing.
 
-    The load case at work counts. A mode has no amplitude of its own: what is drawn at the tool is
-    written above it, with the frequency and what limits it.
+    The load case at work counts. A mode has no amplitude of its own: the point that moves furthest
+    is drawn to go a twentieth of the machine's size. How far the tool then goes is written above,
+    with the frequency and what limits it.
 
     Args:
         machine: the machine with its load case.
@@ -44,33 +46,37 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
     shares = energy_shares(poses, natural)[0]
     count = min(SHOWN, natural.frequencies.shape[1])
     view = side_view(machine, pose)
-    amplitude = round_amplitude(view.size)
+    swings = Swings(machine=machine, bodies=view.bodies, size=view.size)
     low, high = extent([view])
     wide, tall = high - low
     width = WIDTH / count
     fig, axes = figure(count, width, (width - 0.6) * float(tall / wide) * 1.08 + 1.5)
-    for mode, ax in enumerate(axes):
-        ends = _swing(ax, machine, view, natural, mode, amplitude)
-        frame(ax, extent([view, *ends]), view, 0.0)
+    shown = [swings.of(pose, natural.shapes[:, :, mode]) for mode in range(count)]
+    ends = [_ends(ax, machine, view, swing) for ax, swing in zip(axes, shown, strict=True)]
+    seen = extent([view, *(end for both in ends for end in both)])
+    for mode, (ax, swing) in enumerate(zip(axes, shown, strict=True)):
+        frame(ax, seen, view, 0.0)
         share = int(np.argmax(shares[mode]))
         limiting = f"{100 * shares[mode][share]:.0f} % in {machine.yielding[share].name}"
         words = f"mode {mode + 1}: {natural.frequencies[0, mode]:.3f} Hz, {limiting}"
-        ax.set_title(f"{words}\n± {1000 * amplitude:.0f} mm at the tool", fontsize=9, loc="left")
+        ax.set_title(f"{words}\n± {swing.tool[0] / mm:.0f} mm at the tool", fontsize=9, loc="left")
     fig.suptitle(f"{_title(machine)}\n{pose_words(machine, view)}", fontsize=10)
     return fig
 
 
-def _swing(
-    ax: Axes, machine: Machine, view: SideView, natural: Modes, mode: int, amplitude: float
-) -> list[SideView]:
+def _ends(ax: Axes, machine: Machine, view: SideView, swing: Swing) -> list[SideView]:
     """Machine at rest, and its outlines at both ends of a mode's swing; what they cover."""
     draw_machine(ax, machine, view, 0, **FADED)
-    pose, shape = view.coordinates, natural.shapes[:, :, mode]
-    ends = [side_view(machine, swung(machine, pose, shape, side * amplitude)) for side in (1, -1)]
+    sides = [view.coordinates + side * swing.steps for side in (1, -1)]
+    ends = [side_view(machine, z, known=view) for z in sides]
     for end, colour in zip(ends, (MARK, COMPUTED), strict=True):
-        for body in end.polygons()[1:]:
-            for corners in body:
-                ax.fill(*corners.T, fc="none", ec=colour, lw=1.1, zorder=8)
+        cylinders = [corners for both in end.barrel_and_rod() for corners in both]
+        for corners in (one for body in end.polygons()[1:] for one in body):
+            ax.fill(*corners.T, fc="none", ec=colour, lw=1.1, zorder=8)
+        for corners in cylinders:
+            ax.fill(*corners.T, fc="none", ec=colour, lw=0.6, zorder=8)
+        for bar in end.bars:
+            ax.plot(*end.points[0, list(bar.ends)].T, color=colour, lw=1.1, zorder=8)
         ax.plot(*end.tool[0], "*", color=colour, ms=9, zorder=9)
     return ends
 

@@ -63,7 +63,7 @@ def bandwidth_report(
             ),
             ReportSection(title="Provenance", sheets=(provenance,)),
         ),
-        scene=bandwidth_scene(named),
+        scene=bandwidth_scene(named, units),
     )
 
 

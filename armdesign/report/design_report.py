@@ -24,7 +24,7 @@ from armdesign.report.designs import (
 )
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
-from armdesign.report.map_reports import assumptions, headline
+from armdesign.report.map_reports import assumptions, headline, least_between, poses_of_ends
 from armdesign.report.maps import spread_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.provenance import Origin
@@ -57,11 +57,12 @@ def design_report(
     """
     maps = {"today": design.before, "new": design.after}
     of = {name: tuple(p for p in pictures if p.file.startswith(name)) for name in PICTURES}
-    known = design.band_before, design.band_after
+    pairs = poses_of_ends(maps, design.bands, (design.band_before, design.band_after))
+    lead = f"{summary(design)}{least_between(pairs, design.least_gain)}"
     return Report(
         title=f"{design.today.section.title or design.today.name}: new cylinders and pins",
-        lead=f"{summary(design)} In nonlinear simulation, {verdict(list(proofs.values()))}.",
-        headline=headline(maps, design.bands, known, units),
+        lead=f"{lead} In nonlinear simulation, {verdict(list(proofs.values()))}.",
+        headline=headline(pairs, design.today, design.bands, units),
         sections=(
             ReportSection(title="The machine, today and new", shows="drawing"),
             ReportSection(
@@ -87,7 +88,7 @@ def design_report(
             ReportSection(title="Assumptions", words=_assumptions(design)),
             ReportSection(title="Provenance", sheets=(_provenance(design, origin),)),
         ),
-        scene=scene_of(maps),
+        scene=scene_of(maps, units),
     )
 
 

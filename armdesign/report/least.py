@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from armdesign.design.least import amounts
 from armdesign.units import WORKSHOP, Units, litre, percent
 
 if TYPE_CHECKING:
     from armdesign.design.design import Design
-    from armdesign.machine.machine import Machine
 
 NAMES = {"oil": "Oil of all cap sides", "flow": "Pump flow", "mass": "Mass of all cylinders"}
 
 
 def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
     """The answer of ``least``: the amount today and new, and the frequency that it allows."""
-    before, after = (_amount(machine, design, of) for machine in (design.today, design.machine))
+    before, after = amounts(design, of)
     unit = {"oil": "m³", "flow": "m³/s", "mass": "kg"}[of]
     digits = max(2 - math.floor(math.log10(before / litre)), 0)  # three that count
     decimals = digits if unit == "m³" and units is WORKSHOP else None
@@ -28,12 +28,3 @@ def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
         f"{NAMES[of]}: {one} → {other} {units.name(unit)} ({change}); worst natural frequency"
         f" {today} → {new} Hz."
     )
-
-
-def _amount(machine: Machine, design: Design, of: str) -> float:
-    from armdesign.design.least import amount_of
-
-    if of == "oil":
-        return float(sum(c.bore_area * c.stroke for c in machine.cylinders))
-    amount = amount_of(machine, design.today, of)
-    return amount * design.today.supply.flow if of == "flow" else amount

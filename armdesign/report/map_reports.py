@@ -40,10 +40,11 @@ def map_report(
         units: of the tables.
     """
     machine, worst = frequencies.machine, frequencies.worst
-    head, bands, spread, *others, lift = sheets
+    head, of_bands, spread, *others, lift = sheets
     of_map = tuple(one for one in pictures if one.file.startswith("map_"))
     further = tuple(one for one in pictures if one not in of_map)
-    numbers = headline({"": frequencies}, Bands.shown(machine), units=units)
+    bands = Bands.shown(machine)
+    numbers = headline(poses_of_ends({"": frequencies}, bands), machine, bands, units)
     return Report(
         title=head.title,
         lead=(
@@ -57,13 +58,13 @@ def map_report(
                 title="Map of frequencies",
                 shows="maps",
                 pictures=of_map[:2],
-                sheets=(head, bands, spread, *others),
+                sheets=(head, of_bands, spread, *others),
             ),
             ReportSection(title="Lift chart and moment arms", pictures=further, sheets=(lift,)),
             ReportSection(title="Assumptions", words=assumptions(machine, frequencies.workspace)),
             ReportSection(title="Provenance", sheets=(provenance,)),
         ),
-        scene=scene_of({machine.name: frequencies}),
+        scene=scene_of({machine.name: frequencies}, units),
     )
 
 
@@ -76,24 +77,23 @@ def plain_report(title: str, lead: str, sections: Sequence[ReportSection]) -> Re
 # ------------------------------------------------------------------------------- headline
 
 
-def headline(
-    maps: Mapping[str, FrequencyMap],
-    bands: Bands,
-    known: Sequence[FrequencyBand] = (),
-    units: Units = WORKSHOP,
-) -> tuple[HeadlineNumber, ...]:
-    """Worst frequencies at the ends of bands and with the file's values: rigid, nominal, softest.
+EndPoses = dict[str, list[WorstPose | None]]  # by ends of bands, of each machine
+
+
+def poses_of_ends(
+    maps: Mapping[str, FrequencyMap], bands: Bands, known: Sequence[FrequencyBand] = ()
+) -> EndPoses:
+    """Worst poses of machines at the ends of bands and with the file's values, between poses too.
+
+    None where a machine is unstable.
 
     Args:
         maps: of one machine, or of today's and the new one on one workspace.
         bands: what is not known exactly.
         known: the worst frequencies within them of each machine; none: taken from the maps.
-        units: of the poses.
     """
-    first, last = next(iter(maps.values())), list(maps.values())[-1]
-    names = dict(zip(ENDS, end_names(first.machine, bands), strict=True))
-    names["nominal"] = "nominal"
-    pairs: dict[str, list[WorstPose | None]] = {end: [] for end in names}
+    first = next(iter(maps.values()))
+    pairs: EndPoses = {end: [] for end in ENDS}
     for k, frequencies in enumerate(maps.values()):
         try:
             band = known[k] if known else frequencies.band
@@ -101,10 +101,27 @@ def headline(
             band = None
         for end, pose in _ends(frequencies, first.machine, band, bands).items():
             pairs[end].append(pose)
+    return pairs
+
+
+def headline(
+    pairs: EndPoses, today: Machine, bands: Bands, units: Units = WORKSHOP
+) -> tuple[HeadlineNumber, ...]:
+    """Worst frequencies of ``poses_of_ends`` in numbers: rigid, nominal, softest."""
+    names = dict(zip(ENDS, end_names(today, bands), strict=True))
+    names["nominal"] = "nominal"
     return tuple(
-        _number(names[end], pairs[end], last.machine, units)
-        for end in ("rigid", "nominal", "softest")
+        _number(names[end], pairs[end], today, units) for end in ("rigid", "nominal", "softest")
     )
+
+
+def least_between(pairs: EndPoses, least: float) -> str:
+    """Least gain of all ends as a sentence, where it is less than the one that was told."""
+    both = [(old, new) for old, new in pairs.values() if old and new and old.frequency > 0]
+    gain = min((new.frequency / old.frequency - 1 for old, new in both), default=least)
+    if percent(gain) == percent(least) or gain > least:
+        return ""
+    return f" Between these poses, as the three numbers below are sought, it is {percent(gain)}."
 
 
 def _ends(

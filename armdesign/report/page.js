@@ -102,8 +102,7 @@
   const scene = JSON.parse(holder.textContent);
   const table = (packed) => {
     const bytes = Uint8Array.from(atob(packed.base64), (c) => c.charCodeAt(0));
-    const Kind = packed.bits === 8 ? Int8Array : Int16Array;
-    const whole = new Kind(bytes.buffer), width = packed.scale.length, rows = [];
+    const whole = new Int16Array(bytes.buffer), width = packed.scale.length, rows = [];
     for (let at = 0; at < whole.length; at += width) {
       rows.push(packed.scale.map((scale, k) => whole[at + k] * scale));
     }
@@ -116,6 +115,7 @@
     poses: table(one.poses),
     positions: table(one.positions),
     placements: table(one.placements),
+    pivots: table(one.pivots),
     swings: table(one.swings),
     loops: one.loops && table(one.loops),
   }));
@@ -123,8 +123,9 @@
   const limiting = (one, pose, mode = 0) => one.parts[one.poses[pose][1 + mode]];
   const frequency = (one, pose, mode = 0) => one.positions[pose][scene.joints.length + mode];
   const loadCase = (one, pose) => scene.cases[one.poses[pose][0] - 1];
+  const long = (metres) => `${(metres * scene.length[0]).toFixed(scene.length[2])} ${scene.length[1]}`;
   const poseWords = (one, pose) => scene.joints
-    .map(([name, unit], j) => `${name} ${one.positions[pose][j].toFixed(unit === "m" ? 3 : 1)}${unit === "m" ? " m" : unit}`)
+    .map(([name, unit, digits], j) => `${name} ${one.positions[pose][j].toFixed(digits)}${unit === "°" ? unit : ` ${unit}`}`)
     .join(", ");
 
   // ----------------------------------------------------------------------------- drawing
@@ -157,11 +158,9 @@
     .map((ring) => `M${ring.map(([x, y]) => `${x.toFixed(4)},${(-y).toFixed(4)}`).join("L")}Z`)
     .join("");
 
-  // matrices of the bodies and places of all points, by `factor` swings away from the pose
-  const placed = (one, pose, factor) => {
-    const still = one.placements[pose], first = state.mode * still.length;
-    const numbers = still.map((value, k) => value + factor * one.swings[pose][first + k]);
-    const matrices = [one.standing];
+  // matrices of the bodies and places of all points at rest
+  const placed = (one, pose) => {
+    const numbers = one.placements[pose], matrices = [one.standing];
     let next = 0;
     while (matrices.length < one.bodies.length) matrices.push(numbers.slice(next, next += 6));
     const points = one.points.map((point) => {
@@ -170,6 +169,44 @@
       return [numbers[next - 2], numbers[next - 1]];
     });
     return { matrices, points };
+  };
+  // how far the joints go in the mode, and last the tool [m]
+  const ways = (one, pose) => {
+    const count = one.joints.length + 1;
+    return one.swings[pose].slice(state.mode * count, (state.mode + 1) * count);
+  };
+  const after = ([a, b, x, c, d, y], [e, f, u, g, h, v]) =>
+    [a * e + b * g, a * f + b * h, a * u + b * v + x, c * e + d * g, c * f + d * h, c * u + d * v + y];
+  const joint = (hinge, x, y, way) => {
+    if (!hinge) return [1, 0, way * x, 0, 1, way * y];
+    const [c, s] = [Math.cos(way), Math.sin(way)];
+    return [c, -s, x - c * x + s * y, s, c, y - s * x - c * y];
+  };
+  // the same by `factor` swings away from rest: rigid bodies about their joints, from the root outwards
+  const swung = (one, pose, factor) => {
+    const rest = placed(one, pose), moved = [[1, 0, 0, 0, 1, 0]], pivots = one.pivots[pose];
+    const far = ways(one, pose);
+    const motion = (body) => {
+      const [carrier, hinge] = one.joints[body - 1] ?? [], k = body - 1;
+      moved[body] ??= after(motion(carrier), joint(hinge, pivots[2 * k], pivots[2 * k + 1], factor * far[k]));
+      return moved[body];
+    };
+    const points = rest.points.map((at, k) => (one.points[k].body === null ? at : place(motion(one.points[k].body), at)));
+    rest.points.forEach((at, k) => {
+      const pins = one.bars.filter(({ ends }) => ends[1] === k).map(({ ends }) => ends[0]);
+      if (pins.length === 2) points[k] = knee(at, pins.map((pin) => rest.points[pin]), pins.map((pin) => points[pin]));
+    });
+    return { matrices: rest.matrices.map((matrix, body) => after(motion(body), matrix)), points };
+  };
+  // where two bars of their lengths at rest meet, on the same side of their pins
+  const knee = (at, pins, [from, to]) => {
+    const length = (a, b) => Math.hypot(b[0] - a[0], b[1] - a[1]);
+    const side = (p, q) => (q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0]);
+    const [near, far] = pins.map((pin) => length(pin, at)), apart = length(from, to) || 1;
+    const along = (near ** 2 - far ** 2 + apart ** 2) / (2 * apart);
+    const aside = Math.sign(side(...pins)) * Math.sqrt(Math.max(near ** 2 - along ** 2, 0));
+    const [x, y] = [0, 1].map((k) => (to[k] - from[k]) / apart);
+    return [from[0] + along * x - aside * y, from[1] + along * y + aside * x];
   };
   const bar = (from, to, begin, end, width) => {
     const span = [to[0] - from[0], to[1] - from[1]], length = Math.hypot(...span) || 1;
@@ -194,11 +231,12 @@
       const paint = style.name ? {} : { style: `fill: ${cylinder.colour}` };
       add(parent, "path", { d: barrel, class: style.name || "barrel", "stroke-width": width, ...dashes, ...paint }, words);
     }
-    if (style.name) return;
     for (const link of one.bars) {
       const [[x1, y1], [x2, y2]] = link.ends.map((k) => points[k]);
-      add(parent, "line", { x1, y1: -y1, x2, y2: -y2, class: "bar", "stroke-width": 5 * width }, link.name);
+      const look = style.name ? { class: style.name, "stroke-width": width, "stroke-dasharray": style.dashes } : { class: "bar", "stroke-width": 5 * width };
+      add(parent, "line", { x1, y1: -y1, x2, y2: -y2, ...look, "data-bar": link.name }, link.name);
     }
+    if (style.name) return;
     points.forEach(([x, y], k) => add(parent, "circle", {
       cx: x, cy: -y, r: 3.5 * width, class: "pin", "stroke-width": 1.3 * width, "data-pin": one.points[k].name,
     }, one.points[k].words));
@@ -216,7 +254,7 @@
       if (!point.at || moved < 5e-4) return;
       add(parent, "line", { x1: from[0], y1: -from[1], x2: to[0], y2: -to[1], class: "arrow", "stroke-width": 2 * width });
       add(parent, "path", { d: path([arrowhead(from, to, 8 * width)]), class: "arrow", "stroke-width": 0 });
-      moves.push({ at: to, words: `${point.name} ${(1e3 * moved).toFixed(0)} mm` });
+      moves.push({ at: to, words: `${point.name} ${long(moved)}` });
     });
     return moves;
   };
@@ -227,7 +265,7 @@
   };
   const box = (one) => {
     const ends = [-1, 0, 1].flatMap((factor) => {
-      const { matrices, points } = placed(one, state.pose, factor);
+      const { matrices, points } = swung(one, state.pose, factor);
       return [...points, ...one.bodies.flatMap((rings, k) => rings.flat().map((at) => place(matrices[k], at)))];
     });
     const [x, y] = [0, 1].map((k) => ends.map((at) => at[k]).filter(Number.isFinite));
@@ -243,15 +281,20 @@
     svg.replaceChildren();
     const from = [left - room, one.ground], to = [right + room, one.ground];
     add(svg, "line", { x1: from[0], y1: -from[1], x2: to[0], y2: -to[1], class: "ground", "stroke-width": width });
-    const rest = placed(one, state.pose, 0);
+    const rest = placed(one, state.pose);
     outline(svg, one, rest, { width });
     const moves = arrows(svg, one, rest, width);
-    outline(svg, one, placed(one, state.pose, state.phase), { name: "swung", width: 1.3 * width, dashes: 3 * width });
+    outline(svg, one, swung(one, state.pose, state.phase), { name: "swung", width: 1.3 * width, dashes: 3 * width });
     label(svg, moves, 13 * width, right + room);
     const loops = one.loops ? `bandwidth ${one.loops[state.pose][0].toFixed(3)} Hz, narrowest loop ${narrowest(one, state.pose)}; natural frequency ` : "";
     $("pose").textContent = `${one.label}: ${poseWords(one, state.pose)}, load case ${loadCase(one, state.pose)}: ${loops}`
       + `${frequency(one, state.pose, state.mode).toFixed(3)} Hz, limited by ${limiting(one, state.pose, state.mode)}; dashed red: ${modeWords(state.mode)}, `
-      + `${(1e3 * one.swing).toFixed(0)} mm at the tool${machines.length > 1 && state.machine ? `; dashed blue: ${machines[0].label}` : ""}`;
+      + `${swingWords(one, rest)}${machines.length > 1 && state.machine ? `; dashed blue: ${machines[0].label}` : ""}`;
+  };
+  const swingWords = (one, rest) => {
+    const far = ways(one, state.pose).at(-1), ends = [rest.points.at(-1), swung(one, state.pose, 1).points.at(-1)];
+    const seen = Math.hypot(...[0, 1].map((k) => ends[1][k] - ends[0][k]));
+    return `${long(far)} at the tool${seen < far / 2 ? ", most of it across the picture" : ""}`;
   };
   const modeWords = (mode) => ["the lowest mode", "the second mode", "the third mode"][mode];
   let begun = null;
@@ -323,6 +366,7 @@
     }
     return data;
   };
+  const axisLabel = ({ name, unit }) => `${name} [${unit === "°" ? "deg" : unit}]`;
   const range = (axis, middles, width) => {
     [axis.start, axis.end] = [Math.min(...middles) - width / 2, Math.max(...middles) + width / 2];
   };
@@ -341,8 +385,8 @@
       range(map.x_range, plane.x.middles, plane.x.width);
       if (plane.y) range(map.y_range, plane.y.middles, plane.y.width);
       else [map.y_range.start, map.y_range.end] = [0, 1.1 * high];
-      map.below[0].axis_label = `${plane.x.name} [${plane.x.unit === "°" ? "deg" : "m"}]`;
-      map.left[0].axis_label = plane.y ? `${plane.y.name} [${plane.y.unit === "°" ? "deg" : "m"}]` : scene.quantity;
+      map.below[0].axis_label = axisLabel(plane.x);
+      map.left[0].axis_label = plane.y ? axisLabel(plane.y) : scene.quantity;
       const least = Math.min(...data[k].value);
       map.title.text = values.length ? `${one.label}: from ${least.toFixed(3)} Hz` : one.label;
       source.selected.indices = [];

@@ -2,9 +2,9 @@
 
 The maps are of frequency or of bandwidth. A cell is a rectangle of two joints, under one load case
 or all. Its worst pose is kept with what draws the machine there: matrices that place its bodies,
-places of the pins that no body carries, and how far both go in the lowest mode. Numbers are packed
-as little-endian integers with a scale for each column, base64: places with 16 bits, finer than
-1 mm, swings with 8.
+places of the pins that no body carries, joints, and how far these go in each of the lowest modes.
+Numbers are packed as little-endian integers of 16 bits with a scale for each column, base64:
+places are finer than 1 mm.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array, percentiles
 from armdesign.drawing.colours import SPRING, actuator_colours
 from armdesign.drawing.side_view import SideView, side_view
-from armdesign.drawing.swing import swung
+from armdesign.drawing.swing import PictureJoints, Swing, Swings, picture_joints
 from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
+from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +43,6 @@ PERCENTS = (5.0, 50.0)
 FREQUENCY = "lowest coupled natural frequency [Hz]"
 BANDWIDTH = "bandwidth of the narrowest loop [Hz]"
 SCHEMES = ("own", "damped", "proportional")  # of control, the first one on the map
-SWING = 0.05  # of the machine's size: amplitude at the tool of a drawn mode
 MILLIHERTZ = 1e-3  # [Hz] to which frequencies are rounded, as in every table
 IN_PLATE = 1e-3  # [m] by which a pin may leave the plate of its body
 
@@ -70,7 +70,6 @@ class Packed:
     """A table of numbers: rows of ``scale`` columns, each an integer times its scale."""
 
     scale: tuple[float, ...]
-    bits: int
     base64: str
 
 
@@ -87,10 +86,13 @@ class DrawnMachine:
         positions: of each pose: joints in their axes' units, then the frequency of each mode [Hz].
         standing: matrix (2, 3) of the first body, which never moves, row by row.
         placements: of each pose: matrices of the other bodies, then places of loose points.
-        swings: how far these go in each of the lowest ``MODES`` modes, one way.
-        swing: of the tool [m].
+        joints: what moves each body but the first: body that carries it, whether it is a hinge.
+        pivots: of each pose: places of hinges, directions of slides.
+        swings: of each pose and of each of the lowest ``MODES`` modes, one way: how far the joints
+            go, angles of hinges to the left in the picture, and the tool [m].
         bodies: outlines (m, 2) [m] of each body in its plate.
-        points: names, body and place of all pins and of the tool; loose ones have no body.
+        points: names, body and place of all pins and of the tool; loose ones have no place in
+            their body, knees no body.
         cylinders: as in ``SideView``, with the colour of each.
         bars: as in ``SideView``.
         ground: height [m].
@@ -106,8 +108,9 @@ class DrawnMachine:
     positions: Packed
     standing: tuple[float, ...]
     placements: Packed
+    joints: tuple[tuple[int, bool], ...]
+    pivots: Packed
     swings: Packed
-    swing: float
     bodies: tuple[tuple[tuple[tuple[float, float], ...], ...], ...]
     points: tuple[dict[str, Any], ...]
     cylinders: tuple[dict[str, Any], ...]
@@ -118,10 +121,15 @@ class DrawnMachine:
 
 @dataclass(frozen=True, kw_only=True)
 class MapScene:
-    """Machines of one arm with their maps on the same cells, and what the maps show."""
+    """Machines of one arm with their maps on the same cells, and what the maps show.
+
+    ``joints`` are names, units and decimals; ``length`` is the factor of lengths from metres,
+    their unit and the decimals of ways.
+    """
 
     planes: tuple[CellPlane, ...]
-    joints: tuple[tuple[str, str], ...]
+    joints: tuple[tuple[str, str, int], ...]
+    length: tuple[float, str, int]
     cases: tuple[str, ...]
     machines: tuple[DrawnMachine, ...]
     quantity: str = FREQUENCY
@@ -148,18 +156,18 @@ class _Mapped:
     loops: Array | None = None
 
 
-def scene_of(maps: Mapping[str, FrequencyMap]) -> MapScene:
+def scene_of(maps: Mapping[str, FrequencyMap], units: Units = WORKSHOP) -> MapScene:
     """The scene of maps on one workspace, by the labels of their machines, today's first."""
-    return _scene({label: _of_frequencies(one) for label, one in maps.items()}, FREQUENCY)
+    return _scene({label: _of_frequencies(one) for label, one in maps.items()}, FREQUENCY, units)
 
 
-def bandwidth_scene(maps: Mapping[str, BandwidthMap]) -> MapScene | None:
+def bandwidth_scene(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) -> MapScene | None:
     """The scene of maps of bandwidth; None for machines that differ in joints or load cases."""
     machines = [one.machine for one in maps.values()]
     kinds = {(one.joints, tuple(case.name for case in one.payloads)) for one in machines}
     if len(kinds) > 1:
         return None
-    return _scene({label: _of_bandwidths(one) for label, one in maps.items()}, BANDWIDTH)
+    return _scene({label: _of_bandwidths(one) for label, one in maps.items()}, BANDWIDTH, units)
 
 
 def _of_frequencies(frequencies: FrequencyMap) -> _Mapped:
@@ -196,7 +204,7 @@ def _of_bandwidths(bandwidths: BandwidthMap) -> _Mapped:
     )
 
 
-def _scene(maps: Mapping[str, _Mapped], quantity: str) -> MapScene:
+def _scene(maps: Mapping[str, _Mapped], quantity: str, units: Units) -> MapScene:
     first = next(iter(maps.values()))
     joints = first.machine.arm.joints
     moving = [j for j in range(len(joints)) if j not in first.machine.idle_joints] or [0]
@@ -204,15 +212,17 @@ def _scene(maps: Mapping[str, _Mapped], quantity: str) -> MapScene:
     share = CELLS / (len(pairs) * len(first.machine.payloads) * len(maps))
     finest = max(int(share ** (1 / len(pairs[0]))), 2)
     grids = {j: _middles([one.workspace.axes[j] for one in maps.values()], finest) for j in moving}
-    axes = {j: _axis(joints[j], grids[j]) for j in moving}
+    axes = {j: _axis(joints[j], grids[j], units) for j in moving}
+    length, unit, digits = units.table["m"]
     cases = tuple(payload.name for payload in first.machine.payloads)
     planes = [CellPlane(x=axes[p[0]], y=axes[p[1]] if len(p) > 1 else None) for p in pairs]
     return MapScene(
         planes=tuple(planes),
-        joints=tuple((joint.name, "°" if joint.revolute else "m") for joint in joints),
+        joints=tuple((joint.name, *units.table[joint.unit][1:]) for joint in joints),
         cases=cases,
+        length=(1 / length, unit, digits - 1),
         machines=tuple(
-            _drawn_machine(label, one, [{j: grids[j] for j in pair} for pair in pairs])
+            _drawn_machine(label, one, [{j: grids[j] for j in pair} for pair in pairs], units)
             for label, one in maps.items()
         ),
         quantity=quantity,
@@ -225,14 +235,10 @@ def _middles(axes: Sequence[Array], finest: int) -> Array:
     return np.linspace(low, high, min(*map(len, axes), finest))
 
 
-def _factor(joint: Joint) -> float:
-    return float(np.degrees(1.0)) if joint.revolute else 1.0
-
-
-def _axis(joint: Joint, middles: Array) -> CellAxis:
-    shown = _factor(joint) * middles
+def _axis(joint: Joint, middles: Array, units: Units) -> CellAxis:
+    factor, unit, _ = units.table[joint.unit]
+    shown = middles / factor
     width = float(shown[1] - shown[0]) if len(shown) > 1 else 1.0
-    unit = "°" if joint.revolute else "m"
     return CellAxis(name=joint.name, unit=unit, middles=tuple(shown.tolist()), width=width or 1.0)
 
 
@@ -285,7 +291,9 @@ def _worst_of_each(cell: Array, rows: Array, lowest: Array, weights: Array) -> t
     return worst, spread
 
 
-def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) -> DrawnMachine:
+def _drawn_machine(
+    label: str, mapped: _Mapped, planes: list[dict[int, Array]], units: Units
+) -> DrawnMachine:
     machine, cells = mapped.machine, _cells(mapped, planes)
     kept, place = np.unique(cells.table[:, 3], return_inverse=True)
     rows = np.concatenate([[0], kept + 1])
@@ -296,12 +304,10 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
     shapes, limits, lowest = _modes(machine, q, case)
     modes = range(shapes.shape[-1])
     view = side_view(machine, q)
-    amplitude = SWING * view.size
-    swings = (swung(machine, q, shapes[..., k], amplitude) for k in modes)
-    moved = [side_view(machine, at, known=view) for at in swings]
+    swings = Swings(machine=machine, bodies=view.bodies, size=view.size)
+    moved, joints = (swings.of(q, shapes[..., k]) for k in modes), picture_joints(machine, q)
     loose = _loose(view)
-    placed, *gone = (_numbers(one, loose) for one in (view, *moved))
-    factors = np.array([_factor(joint) for joint in machine.arm.joints])
+    factors = np.array([1 / units.table[joint.unit][0] for joint in machine.arm.joints])
     exact = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
     of_cells = MILLIHERTZ if mapped.loops is None else 0.0
     return DrawnMachine(
@@ -312,19 +318,25 @@ def _drawn_machine(label: str, mapped: _Mapped, planes: list[dict[int, Array]]) 
         poses=_whole(np.column_stack([case + 1, limits])),
         positions=_packed(np.column_stack([q * factors, lowest]), steps=exact),
         standing=tuple(view.placements[0, 0].ravel().tolist()),
-        placements=_packed(placed),
-        swings=_packed(np.hstack([one - placed for one in gone]), 8),
-        swing=amplitude,
+        placements=_packed(_numbers(view, loose)),
+        joints=tuple(zip(joints.carriers, joints.hinges, strict=True)),
+        pivots=_packed(joints.places.reshape(len(q), -1)),
+        swings=_packed(np.hstack([_ways(joints, swing) for swing in moved])),
         bodies=tuple(
             tuple(tuple(map(tuple, np.round(ring, 3).tolist())) for ring in body.polygons)
             for body in view.bodies
         ),
-        points=_points(view, loose, machine),
+        points=_points(view, loose, machine, units),
         cylinders=_cylinders(view, machine),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
         loops=None if mapped.loops is None else _packed(mapped.loops[rows]),
     )
+
+
+def _ways(joints: PictureJoints, swing: Swing) -> Array:
+    """How far the joints of the picture and the tool go in a mode (n, k + 1)."""
+    return np.column_stack([joints.turns * swing.steps, swing.tool])
 
 
 def _cylinders(view: SideView, machine: Machine) -> tuple[dict[str, Any], ...]:
@@ -353,7 +365,7 @@ def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array
 # ------------------------------------------------------------------------------------ as numbers
 
 
-def _packed(values: Array, bits: int = 16, steps: ArrayLike = 0.0) -> Packed:
+def _packed(values: Array, steps: ArrayLike = 0.0) -> Packed:
     """Numbers (n, m) as integers with a scale for each column.
 
     Where ``steps`` (m,) are not 0, they are rounded to whole ones, or to multiples of these where
@@ -361,22 +373,21 @@ def _packed(values: Array, bits: int = 16, steps: ArrayLike = 0.0) -> Packed:
     """
     table = np.nan_to_num(np.asarray(values, dtype=float), posinf=0.0, neginf=0.0)
     most = np.abs(table).max(axis=0, initial=0.0)
-    finest = np.where(most > 0, most, 1.0) / (2 ** (bits - 1) - 1)
+    finest = np.where(most > 0, most, 1.0) / (2**15 - 1)
     step = np.broadcast_to(steps, finest.shape)
     whole = step * np.maximum(np.ceil(finest / np.where(step > 0, step, 1.0)), 1.0)
     scale = np.where(step > 0, whole, finest)
-    return _coded(table / scale, scale, bits)
+    return _coded(table / scale, scale)
 
 
 def _whole(values: Array) -> Packed:
     """Integers (n, m) as they are."""
-    return _coded(values, np.ones(values.shape[1]), 16)
+    return _coded(values, np.ones(values.shape[1]))
 
 
-def _coded(values: Array, scale: Array, bits: int) -> Packed:
-    whole = np.rint(values).astype(f"<i{bits // 8}")
-    text = base64.b64encode(whole.tobytes()).decode("ascii")
-    return Packed(scale=tuple(scale.tolist()), bits=bits, base64=text)
+def _coded(values: Array, scale: Array) -> Packed:
+    text = base64.b64encode(np.rint(values).astype("<i2").tobytes()).decode("ascii")
+    return Packed(scale=tuple(scale.tolist()), base64=text)
 
 
 def _all_points(view: SideView) -> Array:
@@ -410,19 +421,21 @@ def _loose(view: SideView) -> list[int]:
     ]
 
 
-def _points(view: SideView, loose: list[int], machine: Machine) -> tuple[dict[str, Any], ...]:
+def _points(
+    view: SideView, loose: list[int], machine: Machine, units: Units
+) -> tuple[dict[str, Any], ...]:
     points, rows = _all_points(view), list[dict[str, Any]]()
     pins = {pin.name: pin for pin in view.pins}
     for i, (name, body) in enumerate(_carriers(view)):
         words = f"tool, on {machine.tool.link}" if name == "tool" else name
         if name in pins and pins[name].at is not None:
-            x, y, z = (1e3 * value for value in pins[name].at or ())
-            words = f"{name}, on {pins[name].link}: x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
+            x, y, z = (units.number(value, "m") for value in pins[name].at or ())
+            words = f"{name}, on {pins[name].link}: x {x}, y {y}, z {z} {units.name('m')}"
         at = None
         if i not in loose and body is not None:
             carried = _in_plate(view, body, points[:, i])
             at = None if carried is None else np.round(carried, 5).tolist()
-        rows.append({"name": name, "words": words, "body": body if at else None, "at": at})
+        rows.append({"name": name, "words": words, "body": body, "at": at})
     return tuple(rows)
 
 

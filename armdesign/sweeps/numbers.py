@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from armdesign.design.least import amounts
+
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
@@ -29,6 +31,13 @@ MEANINGS = {
     "gain": "of the worst frequency, with the file's values; 0.1 is 10 %",
     "least_gain": "least gain within the bands; null without bands",
     "unrounded_hz": "worst frequency of the design before rounding [Hz]",
+    "bound_hz": "worst frequency that no design of this kind exceeds, before rounding [Hz]; null"
+    " where none is known",
+    "gap": "share by which that bound lies above the design before rounding; 0.01 is 1 %",
+    "least_of": "what --least made small: oil, flow or mass",
+    "amount_before": "of today's machine: oil of all cap sides [m³], pump flow [m³/s], or mass of"
+    " all cylinders [kg]",
+    "amount_after": "the same of the new machine",
     "lift_share": "least lift of the new machine over today's, over the lift chart",
     "bandwidth_before_hz": "least bandwidth of today's machine, where it was the objective [Hz]",
     "bandwidth_of_best_frequency_hz": "least bandwidth with the highest worst frequency [Hz]",
@@ -79,6 +88,15 @@ def of_design(design: Design) -> Numbers:
         **dict(zip(BANDWIDTHS, design.bandwidths or (), strict=False)),
         **{f"new.{'.'.join(map(str, path))}": new for path, (_, new) in changed.items()},
     }
+
+
+def of_search(design: Design, least: str = "") -> Numbers:
+    """A design, its bound, which takes seconds to find, and the amount that was made least."""
+    numbers = {**of_design(design), "bound_hz": design.bound, "gap": design.gap}
+    if not least:
+        return numbers
+    before, after = amounts(design, least)
+    return {**numbers, "least_of": least, "amount_before": before, "amount_after": after}
 
 
 def of_validation(validation: Validation) -> Numbers:

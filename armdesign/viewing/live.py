@@ -10,7 +10,6 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import drawn_ranges
-from armdesign.drawing.swing import round_amplitude
 from armdesign.errors import ArmDesignError
 from armdesign.units import deg, mm
 from armdesign.viewing.page_words import reading_words
@@ -41,7 +40,6 @@ class Viewer:
         self.view, self.stage = view, Stage(view, port)
         self.server = self.stage.server
         self.lock = threading.RLock()
-        self.amplitude = round_amplitude(self.stage.scene.size)
         self.ended = threading.Event()
         self.changed = threading.Event()
         self.readings: dict[str, Reading] = {}
@@ -194,7 +192,9 @@ class Viewer:
         """The read-out as HTML; everything that files say is escaped."""
         swing = ""
         if self._swings:
-            swing, self.rate = swing_words(self.readings["today"], self._mode, self.amplitude)
+            today = self.readings["today"]
+            _, tool = today.swing(self._mode, self.stage.scene.swings)
+            swing, self.rate = swing_words(today, self._mode, tool)
         return reading_words(self.readings, swing, self.view.region)
 
     @property
@@ -203,8 +203,9 @@ class Viewer:
 
     def _period(self) -> dict[str, dict[str, tuple[Array, Array]]]:
         """Places of all frames over one period of the mode, by machine."""
+        scenes = {name: self.stage.shown[name].scene for name in self.readings}
         return {
-            name: self.stage.shown[name].scene.placements(one.swing(self._mode, self.amplitude))
+            name: scenes[name].placements(one.swing(self._mode, scenes[name].swings)[0])
             for name, one in self.readings.items()
         }
 

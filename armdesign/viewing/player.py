@@ -13,7 +13,6 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import drawn_ranges
-from armdesign.drawing.swing import round_amplitude
 from armdesign.errors import printable
 from armdesign.machine.poses import pose_text
 from armdesign.units import WORKSHOP
@@ -103,13 +102,14 @@ class _Film:
         lines = [one for one in readings.values() if one.modes is not None]
         if not lines:
             return
-        amplitude = round_amplitude(self.stage.scene.size)
-        words, rate = swing_words(lines[0], mode, amplitude)
+        shown = self.stage.shown
+        periods = {k: one.swing(mode, shown[k].scene.swings) for k, one in readings.items()}
+        tool = next(tool for k, (_, tool) in periods.items() if readings[k].modes is not None)
+        words, rate = swing_words(lines[0], mode, tool)
         self.words.text = f"{self.words.text}\n{words}"
-        swings = {name: one.swing(mode, amplitude) for name, one in readings.items()}
         for phase in [*range(PHASES)] * PERIODS:
-            for name, z in swings.items():
-                self.stage.shown[name].place(z[phase % len(z)])
+            for name, (z, _) in periods.items():
+                shown[name].place(z[phase % len(z)])
             self.film.insert_sleep(1 / (rate * PHASES))
 
     def page(self) -> str:

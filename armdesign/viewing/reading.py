@@ -15,7 +15,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.pose_bandwidth import PoseBandwidth, pose_bandwidth
-from armdesign.drawing.swing import swung
+from armdesign.drawing.swing import Swings
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.machine.poses import Poses, refuse_unheld
@@ -76,14 +76,14 @@ class Reading:
         except ArmDesignError as error:
             return str(error)
 
-    def swing(self, mode: int, amplitude: float) -> Array:
-        """Coordinates (n, k) over one period of a mode, so far at the tool [m]; at rest first."""
+    def swing(self, mode: int, swings: Swings) -> tuple[Array, float]:
+        """Coordinates (n, k) over one period of a mode, at rest first; way of the tool [m]."""
         equilibrium = self.machine.arm.with_springs(self.q[None])
         if self.modes is None or mode >= len(self.frequencies):
-            return np.asarray(equilibrium)
-        displaced = swung(self.machine, self.q[None], self.modes.shapes[:, :, mode], amplitude)
+            return np.asarray(equilibrium), 0.0
+        swing = swings.of(self.q[None], self.modes.shapes[:, :, mode])
         phase = np.sin(2 * np.pi * np.arange(PHASES) / PHASES)[:, None]
-        return np.asarray(equilibrium + phase * (displaced - equilibrium))
+        return np.asarray(equilibrium + phase * swing.steps), float(swing.tool[0])
 
 
 def reading(machine: Machine, q: Array, damping: float | None = None) -> Reading:
@@ -121,9 +121,9 @@ def rows(one: Reading) -> list[tuple[str, str]]:
     ]
 
 
-def swing_words(one: Reading, mode: int, amplitude: float) -> tuple[str, float]:
-    """An animated mode in words, and how fast it is shown [Hz]."""
+def swing_words(one: Reading, mode: int, tool: float) -> tuple[str, float]:
+    """An animated mode with the way of the tool [m] in words, and how fast it is shown [Hz]."""
     frequency = float(one.frequencies[mode])
     shown = min(frequency, SLOWED)
     slower = f", slowed {frequency / shown:.2g} times" if frequency > shown else ""
-    return f"mode {mode + 1}: {frequency:.3g} Hz{slower}, ±{amplitude / mm:g} mm", shown
+    return f"mode {mode + 1}: {frequency:.3g} Hz{slower}, ±{tool / mm:.0f} mm at the tool", shown

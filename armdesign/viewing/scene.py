@@ -20,6 +20,7 @@ from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.plane import PicturePlane
 from armdesign.drawing.side_view import CylinderShape, SideView, shown_cylinders, side_view
+from armdesign.drawing.swing import Swings
 from armdesign.drawing.visuals import visuals
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.linkage.base import Linkage
@@ -75,6 +76,7 @@ class Scene:
         size: larger side of the machine in its middle pose [m].
         ground: height of the ground [m].
         across: direction across the machine to its far side, all joints at 0 (3,).
+        swings: how far it is shown to swing in its modes.
     """
 
     machine: Machine
@@ -83,6 +85,7 @@ class Scene:
     size: float
     ground: float
     across: Array
+    swings: Swings
 
     def placements(self, z: Array) -> dict[str, tuple[Array, Array]]:
         """Rotation (n, 3, 3) and place (n, 3) [m] of every frame at z (n, nq) or (n, k).
@@ -141,6 +144,7 @@ def scene_of(machine: Machine, plates: bool = False) -> Scene:
         size=view.size,
         ground=view.ground,
         across=plane.across,
+        swings=Swings(machine=machine, bodies=view.bodies, size=view.size),
     )
 
 

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 import shapely
 
-from armdesign import Machine, load, natural_modes
+from armdesign import Machine, load
 from armdesign.drawing.outlines import bodies
 from armdesign.drawing.plane import PicturePlane, placed
 from armdesign.drawing.side_view import SideView, side_view
-from armdesign.drawing.swing import swung
 from armdesign.errors import PoseError
 from tests.machines import ODD, middle, named
 
@@ -181,20 +180,6 @@ def test_arcs_end_where_the_joints_do() -> None:
     assert angles[-1] - angles[0] == pytest.approx(np.ptp(machine.ranges))
     assert (arc.lower, arc.upper) == pytest.approx(tuple(machine.ranges[0]))
     assert np.hypot(*line.T) == pytest.approx(np.full(len(line), np.hypot(*line[0])))
-
-
-@pytest.mark.parametrize("name", ["excavator_20t", "rocking"])
-def test_a_mode_swings_the_tool_by_its_amplitude(name: str) -> None:
-    """1 mm at the tool to first order, so 1 mm to 1e-3 in exact kinematics."""
-    machine = named(name)
-    q = middle(machine)[None]
-    modes = natural_modes(machine.at(q))
-    z = swung(machine, q, modes.shapes[:, :, 0], 1e-3)
-    arm, at = machine.arm, np.array(machine.tool.at)
-    there, at_rest = (arm.point(arm.kinematics(p), machine.tool.link, at)[0] for p in (z, q))
-    assert math.dist(there, at_rest) == pytest.approx(1e-3, rel=1e-3)
-    assert z.shape == (1, len(arm.coordinates))
-    assert not np.allclose(side_view(machine, z).points, side_view(machine, q).points)
 
 
 def test_a_pose_of_another_shape_is_refused() -> None:

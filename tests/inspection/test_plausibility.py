@@ -24,6 +24,7 @@ from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from armdesign.units import deg
 from tests import machines
+from tests.machine.as_links import with_links
 from tests.scaled_machines import scaled
 
 EXCAVATOR, CRANE = machines.named("excavator_20t"), machines.named("loader_crane")
@@ -269,6 +270,26 @@ def test_a_reversed_axis(name: str, joint: str) -> None:
     )
     assert f'write <axis xyz="{axis[1]}"/>' in message
     assert message.endswith(f"(line {line})")
+
+
+@pytest.mark.parametrize("links", [False, True], ids=["URDF", "[links]"])
+@pytest.mark.parametrize("name", ["excavator_20t", "mini_excavator_2t", "loader_crane"])
+def test_a_knee_on_the_wrong_side(name: str, links: bool) -> None:
+    """Named with the right one and its line, whether the machine can be used or not; an axis that
+    is right is not blamed.
+    """
+    machine = with_links(machines.named(name)) if links else machines.named(name)
+    text = machine.text.replace('knee = "left"', 'knee = "right"')
+    line = text[: text.index("knee =")].count("\n") + 1
+    try:
+        changed = Machine.from_text(text, "" if links else machine.urdf_text, Path("x.toml"))
+        message = "\n".join(f"{one.part}: {one.words}" for one in findings(changed))
+    except ad.ArmDesignError as error:
+        message = str(error)
+    assert 'four_bar.knee: "right" looks like the wrong side: with "left" the strokes' in message
+    assert 'write knee = "left"' in message
+    assert f"(line {line})" in message
+    assert "reversed" not in message
 
 
 def test_limits_of_a_slide_in_millimetres() -> None:

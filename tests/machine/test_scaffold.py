@@ -85,6 +85,20 @@ OFFERED = ("boom", "loader_crane", "excavator_20t", "mini_excavator_2t", "patu_b
 LIKE = OFFERED[1:]
 
 
+@pytest.mark.parametrize("links", [1, 2, 3])
+def test_a_knee_on_the_wrong_side_is_named(links: int) -> None:
+    """Its strokes then fit nothing; the axis of its joint, which is right, is not blamed."""
+    right = template.new("x", links=links, four_bar=True)
+    text = right.replace('knee = "left"', 'knee = "right"')
+    line = text[: text.index("knee =")].count("\n") + 1
+    with pytest.raises(ad.ArmDesignError) as raised:
+        ad.Machine.from_text(text, "", Path("x.toml"))
+    message = str(raised.value)
+    assert 'four_bar.knee: "right" looks like the wrong side: with "left" the strokes' in message
+    assert 'write knee = "left"' in message
+    assert message.endswith(f"(line {line})")
+
+
 @pytest.mark.parametrize("like", LIKE)
 @pytest.mark.parametrize("four_bar", [False, True])
 def test_like_a_machine_that_there_is(like: str, four_bar: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,10 @@ def test_modes_are_drawn_with_frequency_and_amplitude() -> None:
     fig = plots.mode_shapes(named("excavator_20t"))
     titles = [ax.get_title(loc="left") for ax in fig.axes]
     assert len(titles) == 3
-    assert all("± 200 mm at the tool" in title for title in titles)
+    for ax, title in zip(fig.axes, titles, strict=True):
+        tips = [np.ravel(line.get_xydata()) for line in ax.lines if line.get_marker() == "*"][-2:]
+        tool = float(title.partition("± ")[2].partition(" mm at the tool")[0])
+        assert tool == pytest.approx(500 * math.dist(*tips), abs=0.51)  # half the way
     assert titles[0].startswith("mode 1: ")
     assert "% in boom" in titles[0]
 
@@ -232,3 +236,23 @@ def test_titles_and_legends_are_on_the_paper() -> None:
 def test_machines_of_other_joints_are_not_drawn_over_each_other() -> None:
     with pytest.raises(ArmDesignError, match=r"has other joints \(.*\); give one with boom"):
         plots.machine_overlay(load("patu_boom"), load("loader_crane"))
+
+
+@pytest.mark.parametrize("name", ["slewing", "spatial", "rotator", "branched", "loader_crane"])
+def test_every_joint_is_labelled_and_no_label_covers_another(name: str) -> None:
+    """Also joints that slew or move out of the plane, in the middle pose and at an end."""
+    machine = named(name)
+    for q in (None, machine.ranges[:, 1]):
+        ax = plots.machine_drawing(machine, q)
+        ax.figure.canvas.draw()
+        texts = [text for text in ax.texts if text.get_text()]
+        heads = {text.get_text() for text in texts}
+        assert {f"joint {joint}" for joint in machine.joints} <= heads
+        boxes, frame = [text.get_window_extent() for text in texts], ax.get_window_extent()
+        dot = ax.figure.dpi / 72  # [px] a point: descenders of one line may touch the next one
+        for k, one in enumerate(boxes):
+            assert one.y0 > frame.y0 - dot
+            assert one.y1 < frame.y1 + dot
+            for other in boxes[:k]:
+                beside = one.x0 > other.x1 or other.x0 > one.x1
+                assert beside or min(one.y1, other.y1) - max(one.y0, other.y0) < 2 * dot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import armdesign as ad
-from armdesign.report.map_reports import headline
+from armdesign.report.map_reports import headline, least_between, poses_of_ends
 from armdesign.report.maps import map_sheets
 from tests import machines
 from tests.machines import machine_with, named
@@ -61,7 +61,7 @@ def test_all_numbers_of_the_headline_are_searched_between_the_poses() -> None:
     machine = named("spatial")
     frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points=2))
     band = ad.frequency_band(machine, frequencies.workspace, bands)
-    numbers = headline({"": frequencies}, bands, [band])
+    numbers = headline(poses_of_ends({"": frequencies}, bands, [band]), machine, bands)
     ends = (bands.at_end(machine, False), machine, bands.at_end(machine, True))
     on_grid = band.high.frequency, band.nominal, band.low.frequency
     for number, end, coarse in zip(numbers, ends, on_grid, strict=True):
@@ -79,7 +79,9 @@ def test_a_gain_compares_worst_frequencies_between_the_poses() -> None:
     maps = {"today": ad.frequency_map(machine, workspace)}
     maps["new"] = ad.frequency_map(stiffer, workspace)
     known = [ad.frequency_band(one.machine, workspace, bands) for one in maps.values()]
-    for softest, number in zip((False, None, True), headline(maps, bands, known), strict=True):
+    pairs, gains = poses_of_ends(maps, bands, known), []
+    numbers = headline(pairs, machine, bands)
+    for softest, number in zip((False, None, True), numbers, strict=True):
         today, new = (
             ad.frequency_map(
                 one.machine if softest is None else bands.at_end(one.machine, softest), workspace
@@ -87,4 +89,9 @@ def test_a_gain_compares_worst_frequencies_between_the_poses() -> None:
             for one in maps.values()
         )
         assert number.value == f"{today:.3f} → {new:.3f}\u00a0Hz"
-        assert number.words.startswith(f"{100 * (new / today - 1):+.1f} %: ")
+        gains.append(new / today - 1)
+        assert number.words.startswith(f"{100 * gains[-1]:+.1f} %: ")
+    least = min(gains)
+    assert least_between(pairs, least + 0.01).endswith(f" it is {100 * least:+.1f} %.")
+    assert not least_between(pairs, least)
+    assert not least_between(pairs, least - 0.01)

@@ -11,12 +11,13 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
 import armdesign as ad
 from armdesign.frequency.maps import FrequencyMap
+from armdesign.machine.poses import pose_text
 from armdesign.report.contents import Picture, Report, ReportSection
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.map_reports import map_report
@@ -25,6 +26,7 @@ from armdesign.report.page import page
 from armdesign.report.provenance import Origin
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet
+from armdesign.units import SI, WORKSHOP, Units
 from tests.chromium import cell_at, launched, opened, shown
 
 pytestmark = pytest.mark.slow
@@ -108,6 +110,38 @@ def test_hover_and_click_show_what_the_map_says(browser: Any, written: Path) -> 
     assert not wrong
 
 
+@pytest.mark.parametrize("units", [WORKSHOP, SI], ids=["workshop", "si"])
+def test_drawing_and_maps_have_the_units_of_the_tables(
+    units: Units, browser: Any, tmp_path: Path
+) -> None:
+    """An angle and a slide: of the pose, the axes, what hovers, and the tool's way."""
+    machine = ad.load("loader_crane")
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, [2, 2, 3]))
+    shows: tuple[Literal["drawing", "maps"], ...] = ("drawing", "maps")
+    sections = tuple(ReportSection(title=one, shows=one) for one in shows)
+    scene = scene_of({machine.name: frequencies}, units)
+    path = tmp_path / "report.html"
+    report = Report(title="", lead="", sections=sections, scene=scene)
+    path.write_text(page(report, tmp_path), encoding="utf-8")
+    tab, wrong = opened(browser, path)
+    said, (angle, length) = tab.inner_text("#pose"), (units.name(one) for one in ("rad", "m"))
+    assert pose_text(machine, frequencies.worst.q, units) in said
+    assert re.search(rf" [0-9.]+ {length} at the tool", said)
+    tab.select_option("#plane", "1")  # lift_boom, extension
+    find = "Bokeh.documents.map((d) => d.get_model_by_name('map-0')).find((x) => x)"
+    labels = [tab.evaluate(f"{find}.{side}[0].axis_label") for side in ("below", "left")]
+    shown_angle = "deg" if angle == "°" else angle
+    assert labels == [f"lift_boom [{shown_angle}]", f"extension [{length}]"]
+    extension = machine.ranges[2] / units.table["m"][0]
+    ends = [tab.evaluate(f"{find}.y_range.{end}") for end in ("start", "end")]
+    assert ends[0] < extension[0] < extension[1] < ends[1]
+    pins = tab.evaluate(
+        "[...document.querySelectorAll('#drawing .pin')].map((p) => p.textContent)"
+    )
+    assert all(pin.endswith(f" {length}") for pin in pins if ": x " in pin)
+    assert not wrong
+
+
 def test_switches_change_the_maps(browser: Any, written: Path) -> None:
     tab, wrong = opened(browser, written)
     find = "Bokeh.documents.map((d) => d.get_model_by_name('cells-1')).find((x) => x).data"
@@ -139,6 +173,33 @@ def test_switches_change_the_maps(browser: Any, written: Path) -> None:
     assert list(of_modes) == sorted(of_modes)
     assert len(set(of_modes.values())) == 3
     assert "boom.rod_end 50 mm" in tab.text_content("#drawing")
+    assert not wrong
+
+
+def test_swung_bodies_and_bars_keep_their_size(browser: Any, written: Path) -> None:
+    """Sides of all outlines and lengths of the four-bar's bars, at rest and in every mode."""
+    tab, wrong = opened(browser, written)
+    read = """(kind) => {
+      const sides = (path) => path.getAttribute('d').split('Z').filter(Boolean).flatMap((ring) => {
+        const at = ring.slice(1).split('L').map((one) => one.split(',').map(Number));
+        return at.slice(1).map(([x, y], k) => Math.hypot(x - at[k][0], y - at[k][1]));
+      });
+      const bars = [...document.querySelectorAll(`#drawing line[data-bar].${kind}`)];
+      const ends = (one) => ['x1', 'y1', 'x2', 'y2'].map((key) => Number(one.getAttribute(key)));
+      const long = bars.map(ends).map(([x, y, u, v]) => Math.hypot(u - x, v - y));
+      const name = kind === 'bar' ? 'body' : kind;
+      const bodies = [...document.querySelectorAll(`#drawing path.${name}`)];
+      return [bodies.map(sides), long];
+    }"""
+    for mode in range(3):
+        tab.select_option("#mode", str(mode))
+        bodies, bars = tab.evaluate(read, "bar")
+        swung, swung_bars = tab.evaluate(read, "swung")
+        assert len(bars) == len(swung_bars) == 2
+        assert swung_bars == pytest.approx(bars, abs=2e-3)
+        moving = bodies[1:]
+        for rest, gone in zip(moving, swung[: len(moving)], strict=True):
+            assert gone == pytest.approx(rest, abs=2e-3)
     assert not wrong
 
 

@@ -17,7 +17,7 @@ import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import side_view
-from armdesign.drawing.swing import swung
+from armdesign.drawing.swing import Swings, picture_joints
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
 from armdesign.report.map_reports import map_report
 from armdesign.report.maps import map_sheets
@@ -35,7 +35,7 @@ def two_joints() -> ad.FrequencyMap:
 
 
 def unpacked(table: Packed) -> Array:
-    whole = np.frombuffer(base64.b64decode(table.base64), f"<i{table.bits // 8}")
+    whole = np.frombuffer(base64.b64decode(table.base64), "<i2")
     numbers: Array = whole.reshape(-1, len(table.scale)) * np.array(table.scale)
     return numbers
 
@@ -48,7 +48,7 @@ def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
     cells, values, positions = (
         unpacked(table) for table in (drawn.cells, drawn.frequencies, drawn.positions)
     )
-    joints = [name for name, _ in scene.joints]
+    joints = [name for name, *_ in scene.joints]
     checked = 0
     for k, (x, y) in enumerate((plane.x, plane.y) for plane in scene.planes):
         assert y is not None
@@ -149,26 +149,28 @@ def test_the_first_pose_is_the_worst_of_all() -> None:
 
 @pytest.mark.slow
 def test_three_modes_have_their_frequencies_and_motions() -> None:
-    """By the modes of every pose, under each load case: the tool, which the last body carries."""
+    """By the modes of every pose, under each load case: what joints and the tool do in them."""
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
     positions, cases = unpacked(drawn.positions), unpacked(drawn.poses)[:, 0]
-    numbers, swings = unpacked(drawn.placements), unpacked(drawn.swings)
-    tool, last = next(p for p in drawn.points if p["name"] == "tool"), len(drawn.bodies) - 1
-    assert tool["body"] == last
+    count = len(drawn.joints) + 1
+    swings = unpacked(drawn.swings).reshape(len(positions), -1, count)
+    view = side_view(frequencies.machine, np.radians(positions[:1, :3]))
     for case, payload in enumerate(frequencies.machine.payloads, 1):
         machine, rows = frequencies.machine.with_payload(payload.name), cases == case
         q = np.radians(positions[rows, :3])
         modes = ad.natural_modes(machine.at(q))
         assert positions[rows, 3:] == pytest.approx(modes.frequencies[:, :3], rel=1e-3)
+        turns = picture_joints(machine, q).turns
+        scale = Swings(machine=machine, bodies=view.bodies, size=view.size)
         for mode in range(3):
-            away = swung(machine, q, modes.shapes[:, :, mode], drawn.swing)
-            expected = side_view(machine, away).tool - side_view(machine, q).tool
-            of_mode = swings[rows, mode * numbers.shape[1] :]
-            gone = of_mode[:, 6 * last - 6 : 6 * last].reshape(-1, 2, 3)
-            moved = gone[:, :, :2] @ np.array(tool["at"]) + gone[:, :, 2]
-            same = np.minimum(*(np.abs(moved - sign * expected).max(axis=1) for sign in (1, -1)))
-            assert same.max() < 0.05 * drawn.swing
+            expected = scale.of(q, modes.shapes[:, :, mode])
+            steps, tool = swings[rows, mode, :-1] / turns, swings[rows, mode, -1]
+            same = np.minimum(
+                *(np.abs(steps - sign * expected.steps).max(axis=1) for sign in (1, -1))
+            )
+            assert same.max() < 0.005 * np.abs(expected.steps).max()
+            assert tool == pytest.approx(expected.tool, abs=1e-4)
 
 
 # ------------------------------------------------------------------------------------- the page

@@ -12,6 +12,7 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.units import deg
 from armdesign.viewing.page_words import reading_words
 from armdesign.viewing.reading import PHASES, reading, rows, swing_words
+from armdesign.viewing.scene import scene_of
 from armdesign.viewing.view import view_of
 from tests.machines import inner_poses, named
 
@@ -63,16 +64,17 @@ def test_a_swing_is_the_mode_and_begins_at_rest(name: str) -> None:
     q = inner_poses(machine, 1)[0]
     one = reading(machine, q)
     assert one.modes is not None
-    z = one.swing(0, 0.01)
+    z, tool = one.swing(0, scene_of(machine).swings)
     assert z.shape == (PHASES, len(machine.arm.coordinates))
     equilibrium = machine.arm.with_springs(q[None])[0]
     np.testing.assert_allclose(z[0], equilibrium)
     step = z[PHASES // 4] - equilibrium
     shape = one.modes.shapes[0, :, 0]
     np.testing.assert_allclose(step / np.linalg.norm(step), shape / np.linalg.norm(shape), 1e-6)
-    words, rate = swing_words(one, len(shape) - 1, 0.01)
+    words, rate = swing_words(one, len(shape) - 1, tool)
     assert rate <= 1.5
     assert f"{one.frequencies[-1]:.3g} Hz" in words
+    assert words.endswith(f"±{1e3 * tool:.0f} mm at the tool")
 
 
 def test_the_region_is_the_reach_map() -> None:

@@ -158,6 +158,11 @@ class Linkage(Drive):
     # ------------------------------------------------------------------------ what a kind decides
 
     @property
+    def mirrored(self) -> tuple[str, str, str, Self] | None:
+        """Key of a word that could be another, it, the other, and the linkage with that."""
+        return None
+
+    @property
     def observer(self) -> str:
         """The link from which all motion is seen."""
         return self.base.link

@@ -8,9 +8,9 @@ y = ± sqrt(a² i − x²).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -51,6 +51,12 @@ class FourBar(Linkage):
     def side(self) -> int:
         """+1 if the knee is on the left, else −1."""
         return 1 if self.knee == "left" else -1
+
+    @property
+    def mirrored(self) -> tuple[str, str, str, Self]:
+        """The four-bar with its knee on the other side of pivot and lug."""
+        other: Literal["left", "right"] = "right" if self.knee == "left" else "left"
+        return "knee", self.knee, other, replace(self, knee=other)
 
     @property
     def observer(self) -> str:
