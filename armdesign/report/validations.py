@@ -62,7 +62,7 @@ def _reasons(sweep: SweptMode) -> list[str]:
     from armdesign.simulation.sweeps import Failure, FittedMode
 
     both = (sweep, sweep.with_friction if isinstance(sweep, FittedMode) else None)
-    return [one.error for one in both if isinstance(one, Failure)]
+    return [str(one.error) for one in both if isinstance(one, Failure)]
 
 
 def _note(friction: bool) -> str:
