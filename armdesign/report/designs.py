@@ -125,7 +125,9 @@ def bound_sheet(design: Design) -> Sheet:
         ("gap", gap),
     ]
     if design.starts:
-        rows.insert(1, ("starts of the search reached", _reached(design, *design.starts)))
+        words = "starts of the search reached"
+        words += ", in real numbers" if design.catalogue else ""
+        rows.insert(1, (words, _reached(design, *design.starts)))
     return Sheet(title="", rows=tuple(rows), note=_bound(design).removeprefix("; "))
 
 

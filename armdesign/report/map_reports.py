@@ -116,12 +116,12 @@ def headline(
 
 
 def least_between(pairs: EndPoses, least: float) -> str:
-    """Least gain of all ends as a sentence, where it is less than the one that was told."""
+    """Least gain of all ends as a sentence, where it is not the one that was told."""
     both = [(old, new) for old, new in pairs.values() if old and new and old.frequency > 0]
     gain = min((new.frequency / old.frequency - 1 for old, new in both), default=least)
-    if percent(gain) == percent(least) or gain > least:
+    if percent(gain) == percent(least):
         return ""
-    return f" Between these poses, as the three numbers below are sought, it is {percent(gain)}."
+    return f" Sought between these poses too, as the three numbers below, it is {percent(gain)}."
 
 
 def _ends(

@@ -388,7 +388,7 @@
       map.below[0].axis_label = axisLabel(plane.x);
       map.left[0].axis_label = plane.y ? axisLabel(plane.y) : scene.quantity;
       const least = Math.min(...data[k].value);
-      map.title.text = values.length ? `${one.label}: from ${least.toFixed(3)} Hz` : one.label;
+      map.title.text = values.length ? `${one.label}: least cell ${least.toFixed(3)} Hz` : one.label;
       source.selected.indices = [];
       source.data = data[k];
       const at = data[k].value.indexOf(least);

@@ -22,16 +22,19 @@ COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "
 def validation_sheet(validations: Mapping[str, Validation]) -> Sheet:
     """Linear against fitted frequencies of validations by label; failures below the table."""
     friction = any(run.with_friction for one in validations.values() for run in one.runs)
-    rows, failures = [], []
+    rows, failures = [], dict[str, dict[str, None]]()  # places of each reason, in their order
     for label, validation in validations.items():
         for sweep in validation.sweeps:
             rows.append(_row(label, sweep, friction))
-            failures += _failures(label, sweep)
+            for reason in _reasons(sweep):
+                place = f"{label}, {sweep.payload}, {sweep.cylinder}"
+                failures.setdefault(reason, {})[place] = None
+    failed = [f"{'; '.join(places)}: {reason}" for reason, places in failures.items()]
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
         columns=(*COLUMNS, *(("dry",) if friction else ()), "remark"),
         rows=tuple(rows),
-        note=". Failed: ".join([_note(friction), *failures]),
+        note=". Failed: ".join([_note(friction), *failed]),
     )
 
 
@@ -54,13 +57,12 @@ def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
     return (*cells, sweep.remark)
 
 
-def _failures(label: str, sweep: SweptMode) -> list[str]:
-    """Reason why a sweep, or its repetition with dry friction, failed; else empty."""
+def _reasons(sweep: SweptMode) -> list[str]:
+    """Reasons why a sweep, or its repetition with dry friction, failed; else empty."""
     from armdesign.simulation.sweeps import Failure, FittedMode
 
     both = (sweep, sweep.with_friction if isinstance(sweep, FittedMode) else None)
-    place = f"{label}, {sweep.payload}, {sweep.cylinder}"
-    return [f"{place}: {one.error}" for one in both if isinstance(one, Failure)]
+    return [str(one.error) for one in both if isinstance(one, Failure)]
 
 
 def _note(friction: bool) -> str:
@@ -141,8 +143,9 @@ def verdict(validations: Sequence[Validation]) -> str:
     runs = [run for validation in validations for run in validation.runs]
     remarks = Counter(run.remark for run in runs)
     agree = remarks.pop("agrees", 0)
+    others = "".join(f", {count} differ ({remark})" for remark, count in remarks.items() if count)
     remarks["failed"] = sum(len(validation.failures) for validation in validations)
-    others = "".join(f", {count} {remark}" for remark, count in remarks.items() if count)
+    others += f", {remarks['failed']} failed" if remarks["failed"] else ""
     dry = [run.with_friction for run in runs if isinstance(run.with_friction, FittedMode)]
     largest = [
         f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, dry) if some
