@@ -3,7 +3,8 @@
 For each number of pins every set of them is searched, with free sizes; where the sets are too
 many, those that add a pin to the best of the step before. The best are then designed as
 ``optimize`` would. Sizes of a catalogue and lengths on the drawing's grid can reverse their order,
-so that with a catalogue some are, and the best of these is the answer.
+so that with a catalogue some are, and the best of these is the answer. The other sets are proved
+to hold nothing better (``proved_sets``), or only searched: both are counted.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ from armdesign.design.kept_designs import form
 from armdesign.design.optimize import outcome_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
+from armdesign.design.proved_sets import Pins, proved_sets
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.multistart import ROUGHLY, TO_THE_END, follow_all, formulate
@@ -45,8 +47,6 @@ if TYPE_CHECKING:
 SETS = 24  # of so many pins that are all searched
 BUILT = 3  # sets of as many pins, the best with free sizes, that are designed by a catalogue
 
-Pins = tuple[str, ...]  # key paths of pins that move
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DesignStep:
@@ -58,6 +58,8 @@ class DesignStep:
         searched: sets of as many pins that were searched with free sizes.
         built: the best of these, which were designed as they can be built.
         sets: that there are.
+        proved: of all other sets those whose upper bound says that none of their designs, whatever
+            the grid of the drawing, gains more than this one. The others are only searched.
     """
 
     __repr__ = short_repr
@@ -67,6 +69,7 @@ class DesignStep:
     searched: int
     built: int
     sets: int
+    proved: int = 0
 
     @property
     def gain(self) -> float:
@@ -137,7 +140,8 @@ class Steps:
         ``pins`` that may move and their paths ``moved``; ``gain``, the least within the bands that
         the designs were made for, without bands that of ``worst_hz``; ``worst_hz`` at the file's
         values; ``lift_share``, the least over the lift chart; ``changed`` parts; ``searched`` of
-        ``sets`` with free sizes, and ``built`` of these.
+        ``sets`` with free sizes, ``built`` of these, and of the other sets ``proved`` to hold
+        nothing better.
         """
         import pandas as pd
 
@@ -152,6 +156,7 @@ class Steps:
                 "searched": step.searched,
                 "built": step.built,
                 "sets": step.sets,
+                "proved": step.proved,
             }
             for step in self.steps
         )
@@ -223,7 +228,12 @@ def steps(
         _designs([best[some] for sets in few for some in sets], sizes, command, workers)
     )
     built = [_best_built([next(designs) for _ in sets]) for sets in few]
-    return _rising(machine, built, [len(sets) for sets in few], best, pins)
+    answer = _rising(machine, built, [len(sets) for sets in few], best, pins)
+    reached = {step.pins: _judged(step.design) for step in answer.steps}
+    proved = proved_sets(pins, best, reached, workers)
+    return replace(
+        answer, steps=tuple(replace(step, proved=proved[step.pins]) for step in answer.steps)
+    )
 
 
 def _rising(
@@ -267,6 +277,11 @@ def _robust(design: Design) -> bool:
 def _gain(design: Design) -> float:
     """Gain of what a design was made for: within its bands, or with the file's values."""
     return design.least_gain if _robust(design) else design.gain
+
+
+def _judged(design: Design) -> float:
+    """What a bound on designs of its kind is compared with [Hz]."""
+    return design.problem.dynamics.corners.judged(design.machine)
 
 
 def _pins(machine: Machine) -> Pins:

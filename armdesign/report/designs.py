@@ -307,7 +307,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
 def steps_sheet(answer: Steps) -> Sheet:
     """The best design for each number of pins that move."""
     today, first = answer.today, answer.steps[0].design
-    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", "", "", "", "")]
+    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", *5 * ("",))]
     for step in answer.steps:
         rows.append(
             (
@@ -317,6 +317,7 @@ def steps_sheet(answer: Steps) -> Sheet:
                 "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
                 ", ".join(step.changed),
                 f"{step.searched} of {step.sets}",
+                f"{step.proved} of {step.sets - 1}" if step.sets > 1 else "",
             )
         )
     gain, of = "least gain", ", least gain within the bands"
@@ -326,13 +327,17 @@ def steps_sheet(answer: Steps) -> Sheet:
         f"worst frequency at the file's values{of}; least lift over today's of all points of the"
         " lift chart"
     ]
+    notes.append(
+        "searched: sets of so many pins, from today's pins and from the best with one pin less;"
+        " proved: of the other sets those whose upper bound is no more than what is reached here"
+    )
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
     if (most := max(step.built for step in answer.steps)) > 1:
         notes.append(f"all sets with free sizes; the {most} best are built, and the best of these")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
-        columns=("pins that move", "worst", gain, "least lift", "changed", "sets"),
+        columns=("pins that move", "worst", gain, "least lift", "changed", "searched", "proved"),
         rows=tuple(rows),
         note="; ".join([*notes, *answer.sentences]),
         words=("changed",),

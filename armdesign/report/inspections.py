@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from armdesign.design.requirements.candidate import CHECKED_POSES, reference_of
 from armdesign.design.requirements.holding import lift_pose
-from armdesign.design.requirements.places import pins_outside
+from armdesign.design.requirements.places import HELD, clearances, pins_outside
 from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import ArmDesignError
 from armdesign.report.lift_charts import lift_charts, lift_sheet
@@ -189,10 +190,29 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
 def _implausible(inspection: Inspection, units: Units) -> Sheet:
     rows = tuple((finding.part, finding.words) for finding in inspection.findings(units))
     machine = inspection.machine
-    for fault in pins_outside(machine, Requirements.of(machine).outlines):
-        rows += ((fault.part, f"{fault.fault}: {fault.remedy}; until then designs are refused"),)
+    requirements = Requirements.of(machine)
+    for fault in pins_outside(machine, requirements.outlines):
+        part = fault.part.removeprefix(f"{machine.source.name}: ")
+        rows += ((part, f"{fault.fault}: {fault.remedy}; until then designs are refused"),)
+    rows += tuple(_too_near(machine, requirements, units))
     return Sheet(
         title="Implausible values" if rows else "No implausible values",
         rows=rows,
         note="not errors: the file can be used, but check these numbers" if rows else "",
     )
+
+
+def _too_near(
+    machine: Machine, requirements: Requirements, units: Units
+) -> Iterator[tuple[str, str]]:
+    """Barrels nearer to a part today than ``[requirements.clearance]`` allows."""
+    if not requirements.clearances:
+        return
+    reference = reference_of(machine, requirements, CHECKED_POSES)
+    for each in clearances(reference.old, reference):
+        least = float(each.value.real.min())
+        if least < each.limit - HELD:
+            today = f"{units.text(least, 'm')} today, at least {units.text(each.limit, 'm')} asked"
+            inside = " (negative: into it)" * (least < 0)
+            words = f"{each.words}: {today}{inside}; a design must move its pins away"
+            yield f"requirements.{each.setting}", words

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import armdesign as ad
+from armdesign.design.steps import _best_built, _rising
 from armdesign.errors import InfeasibleError
 from armdesign.report.designs import steps_sheet
 from tests.design.designs import double, workspace_of
@@ -61,14 +63,12 @@ def test_gains_are_of_what_the_designs_were_made_for() -> None:
 
 @pytest.mark.slow
 def test_a_step_changes_what_it_says_and_no_more() -> None:
-    """Pins that may not move stay; every design meets all requirements; no step reaches less: what
-    would by its catalogue is left out.
-    """
+    """Pins that may not move stay; every design meets all requirements; no step reaches less."""
     machine, space = double(), workspace_of("double")
     answer = ad.steps(machine, space, catalogue="5mm")
-    assert [len(step.pins) for step in answer.steps] == [0, 1, 2, 3]
-    assert answer.left_out == {4: "no better than 3"}
-    assert [step.built for step in answer.steps] == [1, 3, 3, 3]
+    assert [len(step.pins) for step in answer.steps] == [0, 1, 2, 3, 4]
+    assert answer.left_out == {}
+    assert [step.built for step in answer.steps] == [1, 3, 3, 3, 1]
     unrounded = [step.design.unrounded for step in answer.steps]
     assert unrounded[1] > unrounded[0] * 1.01
     for step in answer.steps:
@@ -85,26 +85,31 @@ def test_a_step_changes_what_it_says_and_no_more() -> None:
         } == {part for part in step.changed if "cylinder" not in part}
         assert min(step.design.slacks.values()) >= 0
     frame = answer.frame
-    assert list(frame["pins"]) == [0, 1, 2, 3]
+    assert list(frame["pins"]) == [0, 1, 2, 3, 4]
     assert frame["gain"].to_numpy() == pytest.approx([s.design.gain for s in answer.steps])
     assert frame["gain"].is_monotonic_increasing
     sheet = steps_sheet(answer)
-    assert len(sheet.rows) == 5
-    assert "4 pins are left out: no better than 3" in sheet.note
+    assert len(sheet.rows) == 6
     assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
 
 
-@pytest.mark.slow
-def test_of_the_best_sets_the_best_is_chosen_as_built() -> None:
-    """The drawing's grid reverses the order of two sets of three pins: by ``optimize``."""
-    machine, space = double(), workspace_of("double")
-    free, built = ad.steps(machine, space), ad.steps(machine, space, catalogue="5mm")
-    step = built.steps[3]
-    assert step.pins != free.steps[3].pins
-    alone = ad.optimize(
-        machine, space, vary=("areas", *free.steps[3].pins), starts=1, catalogue="5mm"
+def test_the_best_as_built_counts() -> None:
+    """The drawing's grid can reverse the order of sets, and make more pins worth less: of two
+    designs of one pin the better one, and none of both pins that gains less.
+    """
+    machine = named("paper_1dof")
+    space = ad.Workspace.grid(machine, points=2)
+    base, rod_end, both = (
+        ad.optimize(machine, space, vary=("areas", *pins), starts=1)
+        for pins in (PINS[:1], PINS[1:2], PINS[:2])
     )
-    assert step.gain > alone.gain
+    assert rod_end.gain > base.gain + 0.01
+    assert _best_built([base, rod_end]) is rod_end
+    worse = replace(both, machine=base.machine)
+    answer = _rising(machine, [base, rod_end, worse], [1, 1, 1], {}, PINS[:2])
+    assert [step.design for step in answer.steps] == [base, rod_end]
+    assert answer.left_out == {2: "no better than 1"}
+    assert "2 pins are left out: no better than 1" in (steps_sheet(answer).note or "")
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ programme certify the bound, see ``dual_bound``. Own masses are affine in the ar
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.bound.mass_enclosure import bar_enclosures
 from armdesign.design.bound.regions import lowest_bound
+from armdesign.design.catalogue.sizes import relative_areas
 from armdesign.design.program.constraints import (
     CONSTRAINT_TOLERANCE,
     constraints_at,
@@ -50,7 +51,7 @@ from armdesign.design.search.sequential_sdp import Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
-from armdesign.journal.finished import Form, finished
+from armdesign.journal.finished import Form, all_finished
 
 # the bound of areas: programmes with more poses each
 ROUNDS_OF_AREAS = 6
@@ -108,6 +109,7 @@ def _lowest_dual_bound(
 
 
 WATCHED = 300  # lowest rows that may enter, of a corner of the bands
+SAME_AREA = 1e-6  # relative: a size of a catalogue
 USEFUL = 2.0  # times what a design reaches, up to which a bound is stated beside it
 # relative: more than own masses' terms and the way to Hz lose; all else is rounded ``outward``
 ROUNDING = 1e-9
@@ -169,6 +171,23 @@ def certificate_within_bands(problem: Problem, x: Array, rows: Array) -> Certifi
         x: a good design, as in ``certificate_of``.
         rows: rows that may enter.
     """
+    return certificates_within_bands([Search(problem=problem, x=x, rows=rows)])[0]
+
+
+def certificates_within_bands(
+    searches: Sequence[Search], workers: int = 1
+) -> list[Certificate | None]:
+    """``certificate_within_bands`` of several problems, on so many processes."""
+
+    def identity(k: int) -> Any:
+        return [searches[k].problem.identity, searches[k].x.tolist(), searches[k].rows.tolist()]
+
+    def compute(numbers: list[int]) -> Iterator[tuple[int, Certificate | None]]:
+        from joblib import Parallel, delayed
+
+        some = [searches[k] for k in numbers]
+        tasks = (delayed(_computed_within_bands)(s.problem, s.x, s.rows) for s in some)
+        yield from zip(numbers, Parallel(workers, return_as="generator")(tasks), strict=True)
 
     def read(_: int, answer: Mapping[str, Any]) -> Certificate | None:
         if not answer:
@@ -176,12 +195,8 @@ def certificate_within_bands(problem: Problem, x: Array, rows: Array) -> Certifi
         words = {name: tuple(answer[name]) for name in ("held", "assumptions")}
         return Certificate(**{**answer, **words})
 
-    return finished(
-        "bound",
-        lambda: [problem.identity, x.tolist(), rows.tolist()],
-        lambda: _computed_within_bands(problem, x, rows),
-        Form(write=lambda _, bound: asdict(bound) if bound else {}, read=read),
-    )
+    form = Form(write=lambda _, bound: asdict(bound) if bound else {}, read=read)
+    return all_finished("bound", len(searches), identity, compute, form)
 
 
 def _computed_within_bands(problem: Problem, x: Array, rows: Array) -> Certificate | None:
@@ -228,12 +243,26 @@ def certificate_of(problem: Problem, x: Array, rows: Array) -> Certificate | Non
 
     Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder
     has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
-    is allowed, is refused.
+    is allowed and has sizes of the catalogue, is refused.
     """
     bound = _before_check(problem, x, rows)
-    if bound is None or constraints_at(problem, x).values.min() < -CONSTRAINT_TOLERANCE:
+    allowed = constraints_at(problem, x).values.min() >= -CONSTRAINT_TOLERANCE
+    if bound is None or not (allowed and _has_offered_sizes(problem, x)):
         return bound
     return bound.above(hertz(float(problem.dynamics.omega_squared(x).min())))
+
+
+def _has_offered_sizes(problem: Problem, x: Array) -> bool:
+    """Whether all cylinders whose sizes vary have one of the catalogue's, if there is any."""
+    if not problem.grid.sizes:
+        return True
+    for i, cylinder in enumerate(problem.machine.cylinders):
+        own, sizes = x[2 * i : 2 * i + 2], problem.grid.sizes
+        offered = [relative_areas(cylinder, bore, rod) for bore, rod in sizes]
+        same = np.isclose(own, offered, rtol=SAME_AREA, atol=0.0).all(axis=1)
+        if any(problem.vector.resized[i]) and not same.any():
+            return False
+    return True
 
 
 def _before_check(problem: Problem, x: Array, rows: Array) -> Certificate | None:

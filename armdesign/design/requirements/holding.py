@@ -11,8 +11,16 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.requirements.candidate import Candidate, Reference
 from armdesign.design.requirements.record import Evaluation, names_begin_with
-from armdesign.design.requirements.stated import Frozen, Names, by_joint, entries, number, shares
-from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.design.requirements.stated import (
+    Frozen,
+    Names,
+    by_joint,
+    entries,
+    fault_of,
+    number,
+    shares,
+)
+from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.machine.file.schema import LiftSection, Shares, share_of
 from armdesign.machine.lifting import liftable, liftable_masses, torque_per_mass
@@ -229,8 +237,5 @@ def lift_pose(machine: Machine, lift: Lift, shares: Shares) -> LiftPose:
 
 def _fault(machine: Machine, lift: Lift, fault: str, remedy: str) -> ArmDesignError:
     """A fault of a lift, with the line of the file that states it, if one does."""
-    path = f"requirements.lift.{lift.name}"
-    if lift.name not in machine.section.requirements.lift:
-        return ArmDesignError(path, fault, remedy)
-    source, line = machine.source.name, machine.line_of(path)
-    return MachineFileError(f"{source}: {path}", fault, remedy, line)
+    in_file = lift.name in machine.section.requirements.lift
+    return fault_of(machine, f"lift.{lift.name}", in_file, fault, remedy)

@@ -16,7 +16,14 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.requirements.candidate import Candidate, Reference, diameters
 from armdesign.design.requirements.record import Evaluation, names_begin_with
-from armdesign.design.requirements.stated import Frozen, Names, at_work, cylinders, entries
+from armdesign.design.requirements.stated import (
+    Frozen,
+    Names,
+    at_work,
+    cylinders,
+    entries,
+    fault_of,
+)
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.machine.file.polygons import CROSSED, IN_ORDER, cross, crosses_itself, edges
@@ -200,8 +207,10 @@ def pins_outside(machine: Machine, outlines: Iterable[Outline]) -> Iterator[ArmD
             within = float(depth(np.array([x, z]) * mm, np.array(outline.points)).min()) / mm
             radius, cylinder = outline.pin_radius / mm, machine.cylinders[i].name
             if within < radius - HELD / mm:
-                yield ArmDesignError(
-                    f"requirements.outline.{outline.link}",
+                yield fault_of(
+                    machine,
+                    f"outline.{outline.link}",
+                    outline.link in machine.section.requirements.outline,
                     f"does not hold today's {name} pin of the {cylinder} cylinder at x {x:.1f},"
                     f" z {z:.1f} mm: it is {abs(within):.1f} mm"
                     f" {'outside' if within < 0 else 'within'} it, pin_radius_mm is {radius:g}",

@@ -19,6 +19,17 @@ from armdesign.units import deg, mm
 Names = Iterator[tuple[str, str, Collection[str], Collection[str]]]  # where, of what, names, known
 
 
+def fault_of(
+    machine: Machine, path: str, in_file: bool, fault: str, remedy: str
+) -> ArmDesignError:
+    """A fault of a requirement at a key path, with its line where the machine's file states it."""
+    part = f"requirements.{path}"
+    if not in_file:
+        return ArmDesignError(part, fault, remedy)
+    line = machine.line_of(part)
+    return MachineFileError(f"{machine.source.name}: {part}", fault, remedy, line)
+
+
 class FrozenMapping(dict[str, Any]):
     """A mapping that is hashed by what it holds, and not to be changed."""
 

@@ -64,6 +64,8 @@ def test_one_cylinder_of_a_catalogue_against_brute_force() -> None:
     bound = bound_of(problem, with_sizes(free, COARSE)).frequency
     assert best * (1 - 1e-9) <= bound < best * 1.01
     assert bound < 0.99 * hertz(free.squared)
+    # around a design with sizes of no catalogue, which exceeds it, it is a bound too, not refused
+    assert best * (1 - 1e-9) <= bound_of(problem, free).frequency < hertz(free.squared)
 
 
 @cache

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign import ArmDesignError, Requirements
+from armdesign import ArmDesignError, Machine, Requirements, Workspace
+from armdesign.design.requirements.check import check
 from armdesign.design.requirements.places import Outline
 from armdesign.hydraulics.cylinder_build import barrel_ratio
+from armdesign.inspection.inspection import inspect
+from armdesign.report.inspections import check_sheets
 from tests.design.designs import MACHINES, workspace_of
 from tests.design.requirements.shared import EVERYTHING, PRESSURE, STICK_PLATE, own, reference
+from tests.machines import named
 
 
 def test_pins_within_the_outline() -> None:
@@ -105,3 +109,27 @@ def test_an_outline_whose_edges_cross_is_refused() -> None:
     machine, bow = ad.load("excavator_20t"), [[-500, -500], [500, 500], [500, -500], [-500, 500]]
     with pytest.raises(ad.ArmDesignError, match=r"outline\.stick\.points_mm: its edges cross"):
         machine.replace({"requirements.outline.stick.points_mm": bow})
+
+
+def test_check_says_a_barrel_that_is_too_near_today() -> None:
+    """1 m more than today's least distance is asked of the boom's barrel: the remark gives both;
+    of what is kept today none. An outline of the file is refused with its line.
+    """
+    today = named("excavator_20t")
+    space = Workspace.grid(today, points=3)
+    checks = {one.name: one for one in check(today, today, space, Requirements.of(today))}
+    least = checks["clearance.frame.boom"].value
+
+    def remarks(machine: Machine) -> dict[str, str]:
+        sheets = check_sheets(inspect(machine, Workspace.grid(machine, points=3)))
+        return {row[0]: row[1] for row in sheets[-1].rows if row[0].startswith("requirements.")}
+
+    assert remarks(today) == {}
+    wanted = 1000 * (least + 1)
+    asked = today.replace({"requirements.clearance.frame.distance_mm": wanted})
+    words = remarks(asked)["requirements.clearance.frame.distance_mm"]
+    assert f"{1000 * least:.1f} mm today, at least {wanted:.1f} mm asked" in words
+    small = today.replace({"requirements.outline.boom.pin_radius_mm": 900.0})
+    with pytest.raises(ArmDesignError, match=r"toml: requirements.outline.boom: .*\(line \d+\)"):
+        ad.optimize(small, Workspace.grid(small, points=2))
+    assert "until then designs are refused" in remarks(small)["requirements.outline.boom"]
