@@ -96,9 +96,14 @@ def lowest_frequency(poses: Poses) -> Array:
 
 
 def _lowest(mass: Array, stiffness: Array) -> Array:
-    """Lowest natural frequency of M and K (n, k, k): (n,) [Hz]."""
+    """Lowest natural frequency of M and K (n, k, k): (n,) [Hz]; NaN where they are not finite."""
+    known = np.isfinite(mass).all(axis=(1, 2)) & np.isfinite(stiffness).all(axis=(1, 2))
+    if not known.all():
+        lowest = np.full(len(mass), np.nan)
+        lowest[known] = _lowest(mass[known], stiffness[known])
+        return lowest
     inverse = inverse_cholesky(mass)
-    return hertz(np.linalg.eigvalsh(congruent(inverse, stiffness))[:, 0])
+    return np.asarray(hertz(np.linalg.eigvalsh(congruent(inverse, stiffness))[:, 0]))
 
 
 def energy_shares(poses: Poses, modes: Modes) -> Array:

@@ -48,7 +48,7 @@ class Acceptance(ReadOnly):
 
     Attributes:
         drawn: the requirements (m), judged on the drawing.
-        slacks: of the machines (n, m), ≥ 0 where met.
+        slacks: of the machines (n, m), ≥ 0 where met; −1 where a linkage opens.
     """
 
     drawn: tuple[Check, ...]
@@ -148,11 +148,16 @@ def acceptance(
         list(_evaluated(_made(reference, widths, row), reference, load))
         for row, load in zip(rows, loads, strict=True)
     ]
-    slacks = [{each.name: float(each.slack.min()) for each in one} for one in judged[1:]]
+    slacks = [{each.name: _least(each) for each in one} for one in judged[1:]]
     drawn = tuple(map(Check.of, judged[0]))
     table = [[one.get(check.name, np.inf) for check in drawn] for one in slacks]
     least, of_least = frequency
     return Acceptance((least, *drawn), np.column_stack([of_least, table]))
+
+
+def _least(evaluation: Evaluation) -> float:
+    least = float(evaluation.slack.min())
+    return -1.0 if np.isnan(least) else least
 
 
 def _made(reference: Reference, widths: Sequence[Width], row: Array) -> MadeMachine:

@@ -185,6 +185,14 @@ BAD = [
 ]
 
 
+def test_machines_whose_linkage_opens_are_one_line() -> None:
+    """Bars and pins far from where they are drawn: stiffness is infinite in some, no number."""
+    wide = toleranced("excavator_20t", "bar_mm = 300\npin_mm = 100")
+    workspace = ad.Workspace.grid(wide, points=3)
+    with pytest.raises(ad.ArmDesignError, match="of the machines cannot take the worst pose"):
+        ad.tolerances(wide, workspace, count=4096)
+
+
 @pytest.mark.parametrize(("widths", "words"), BAD)
 def test_bad_widths_are_one_line(widths: str, words: str) -> None:
     with pytest.raises(ad.ArmDesignError, match=words) as caught:
