@@ -10,7 +10,6 @@ H is a high-pass with its corner at ω_c, s/(s + ω_c), or a band-pass around th
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Literal
@@ -23,7 +22,6 @@ from armdesign.short_repr import short_repr
 
 Filter = Literal["high-pass", "band-pass"]
 BAND_WIDTH = 1.0  # ζ_f of the band-pass
-TURNED = 2.0  # ω T [rad] of one of Padé's sections: its phase errs by 1e-5 (ω T)⁷
 CORNER = {"high-pass": 1 / 3, "band-pass": 1.0}  # ω_c by the lowest natural frequency
 
 
@@ -73,8 +71,7 @@ def closed_loop(plant: LoopPlant, controller: Controller) -> tuple[Array, Array,
     are fed back.
     """
     ns, nq, nc = plant.A.shape[1], plant.joints, plant.B.shape[2]
-    sections = math.ceil(plant.fastest.max(initial=0.0) * plant.delay / TURNED)
-    lag, delay = _spools(plant), pade_delay(plant.delay, sections, nc)
+    lag, delay = _spools(plant), pade_delay(plant.delay, plant.delay_sections, nc)
     filters = _filters(controller, nc)
     ends = np.cumsum([0, ns, 2 * nc, delay[0].shape[0], filters[0].shape[1]])
     x, v, d, h = (slice(begin, end) for begin, end in pairwise(ends))

@@ -37,6 +37,8 @@ from armdesign.units import bar
 INDEPENDENT = 1e9  # condition of eigenvectors that lose no more than half of the digits
 LEAKING = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours
 CREEPING = 2.0  # times the rate at which pressures creep apart with no loop closed
+TURNED = 2.0  # ω T [rad] of one of Padé's sections: its phase errs by 1e-5 (ω T)⁷
+MOST_DELAYED = 400  # states of the delay: matrices of a thousand poses fit into memory
 AT_ONCE = 30_000  # frequencies, of all poses: their matrices stay below 100 MB
 
 
@@ -97,6 +99,11 @@ class LoopPlant(ReadOnly):
         """Frequency (n,) [rad/s] beyond which loops answer little: of modes and valves."""
         highest = 2 * math.pi * self.frequencies[:, -1]
         return np.maximum(highest, 0.5 * self.valve_omega.max())
+
+    @property
+    def delay_sections(self) -> int:
+        """Number of Padé's sections of the delay, as what is fastest asks for."""
+        return math.ceil(self.fastest.max(initial=0.0) * self.delay / TURNED)
 
     @cached_property
     def omega(self) -> Array:
@@ -182,7 +189,7 @@ def loop_plant(
         delay: between demand and spool [s].
 
     Raises:
-        ArmDesignError: a mode is not damped, or a delay or damping ratio cannot be.
+        ArmDesignError: a mode is not damped, a delay or damping ratio cannot be, or is too long.
         SimulationError: an actuator has no valve.
     """
     ratio = checked_damping(damping)
@@ -207,7 +214,7 @@ def loop_plant(
     stiffness = -((force @ A)[:, :, rows] * arms).sum(axis=2) / (arms**2).sum(axis=2)
     gains = np.einsum("cs,nsc->nc", force, by_spool) / stiffness
     valves = [actuator.valve for actuator in machine.actuators if actuator.valve]
-    return LoopPlant(
+    plant = LoopPlant(
         q=poses.q,
         A=A,
         B=by_spool / gains[:, None],
@@ -221,6 +228,22 @@ def loop_plant(
         valve_damping=np.array([valve.damping_ratio for valve in valves]),
         delay=float(delay),
     )
+    _refuse_long(plant, machine)
+    return plant
+
+
+def _refuse_long(plant: LoopPlant, machine: Machine) -> None:
+    """Refuse a delay of so many periods of what is fastest that loops could not be computed."""
+    most = MOST_DELAYED // (3 * len(plant.valve_omega))  # sections
+    if plant.delay_sections > most:
+        fastest = float(plant.fastest.max()) / (2 * math.pi)
+        longest = math.floor(1e3 * TURNED * most / (2 * math.pi * fastest))
+        fault = (
+            f"{plant.delay:g} s is {plant.delay * fastest:.0f} periods of the fastest mode or"
+            f" valve, {fastest:.3g} Hz"
+        )
+        remedy = f"give {longest} ms or less (in Python delay={longest / 1e3:g})"
+        raise ArmDesignError(f"{machine.name}: delay", fault, remedy)
 
 
 def workable(machine: Machine, poses: Poses) -> Flags:

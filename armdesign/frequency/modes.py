@@ -127,8 +127,8 @@ def inverse_cholesky(mass: Array) -> Array:
     try:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(mass)))
     except np.linalg.LinAlgError:
-        fault = "is not positive definite: a joint moves no mass"
-        remedy = "give its links inertia or load a payload"
+        fault = "is not positive definite: a joint moves no mass, or hardly any beside another"
+        remedy = "give its links inertia, or a load of their order"
         raise PoseError("mass matrix", fault, remedy) from None
 
 

@@ -88,6 +88,7 @@ def test_two_machines_stand_side_by_side(
         ),
         (["patu_boom", "--corner", "-2"], "corner: -2 Hz (-12.5664 rad/s) is not allowed"),
         (["patu_boom", "--delay", "-3"], "0 or more"),
+        (["patu_boom", "--delay", "60000"], "delay: 60 s is 2"),
         (["nowhere"], "no such machine"),
     ],
 )
