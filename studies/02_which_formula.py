@@ -7,6 +7,7 @@ the median, at most +33 %.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,40 +26,38 @@ def ratios(frequencies: ad.FrequencyMap, formula: str) -> pd.Series[float]:
     return frequencies.frame[names].min(axis=1) / frequencies.frame["f1_hz"]
 
 
-def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.FrequencyMap]]:
-    """Median and worst ratios on every machine, and the maps; ``fast`` takes coarse grids."""
-    machines = {name: ad.load(name) for name in shipped()}
-    maps = {
-        name: ad.frequency_map(machine, ad.Workspace.grid(machine, points=9 if fast else None))
-        for name, machine in machines.items()
+def error(machine: ad.Machine, workspace: ad.Workspace, formula: str) -> dict[str, Any]:
+    """Median and worst ratio of a formula, and where that is."""
+    frequencies = ad.frequency_map(machine, workspace)
+    ratio = ratios(frequencies, formula)
+    median, p95 = percentiles(ratio.to_numpy(), frequencies.weights, [50, 95])
+    worst = frequencies.frame.iloc[int(ratio.to_numpy().argmax())]
+    return {
+        "median": median,
+        "p95": p95,
+        "worst": ratio.max(),
+        "lowest_pose": ratio.iloc[int(frequencies.frame["f1_hz"].to_numpy().argmin())],
+        "where": ", ".join(f"{joint} {worst[joint]:.2f}" for joint in machine.joints),
+        "payload": worst["payload"],
     }
-    rows = {}
-    for name, frequencies in maps.items():
-        for formula in FORMULAS:
-            ratio = ratios(frequencies, formula)
-            median, p95 = percentiles(ratio.to_numpy(), frequencies.weights, [50, 95])
-            worst = frequencies.frame.iloc[int(ratio.to_numpy().argmax())]
-            rows[name, formula] = {
-                "median": median,
-                "p95": p95,
-                "worst": ratio.max(),
-                "lowest_pose": ratio.iloc[int(frequencies.frame["f1_hz"].to_numpy().argmin())],
-                "where": ", ".join(
-                    f"{joint} {worst[joint]:.2f}" for joint in frequencies.machine.joints
-                ),
-                "payload": worst["payload"],
-            }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis(["machine", "formula"]), maps
+
+
+def run(fast: bool = False) -> pd.DataFrame:
+    """Errors of every formula on every machine; ``fast`` takes coarse grids."""
+    formulas = [{"formula": formula} for formula in FORMULAS]
+    sweep = ad.sweep([*shipped()], task=error, options=formulas, points=9 if fast else None)
+    return sweep.answers
 
 
 def main() -> None:
     """Print the table; save it with each formula's error over the share of joint space."""
     from armdesign import plots
 
-    table, maps = run()
+    table = run()
     print(table.to_string(float_format="{:.2f}".format))
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "ratios.csv")
+    maps = {name: ad.frequency_map(ad.load(name)) for name in shipped()}
     fig, axes = plots.figure(len(FORMULAS), 6.0, 4.2)
     for ax, (formula, title) in zip(axes, FORMULAS.items(), strict=True):
         for name, frequencies in maps.items():

@@ -7,62 +7,59 @@ sizes, pins and strokes that can be built.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 import armdesign as ad
+from armdesign import plots
 
 MACHINE = "excavator_20t"
 RIGID = {f"cylinder.{name}.compliance_m_per_N": 0 for name in ("boom", "stick", "bucket")}
 OUT = Path("out") / "05_nonlinear_proof"
+JOURNAL = OUT / "journal.sqlite"  # with which an interrupted run goes on
 
 
-def run() -> tuple[pd.DataFrame, dict[str, ad.Validation]]:
-    """All sweeps of both machines under every payload."""
+def proved(machine: ad.Machine, workspace: ad.Workspace, save: bool = False) -> dict[str, Any]:
+    """Lowest frequency, largest deviations at full and half amplitude, and how many agree.
+
+    Saves every sweep and the measured response at the worst pose if told.
+    """
+    validation = ad.validate(machine, payloads=[machine.payload.name], workspace=workspace)
+    sweeps, label = validation.frame, f"{machine.name}, {machine.payload.name}"
+    if save:
+        sweeps.assign(machine=machine.name).to_csv(OUT / f"{label}.csv", index=False)
+        worst = plots.frequency_responses({label: validation.by_pose["worst"]})
+        plots.save(worst, OUT / f"{label}.png")
+    return {
+        "lowest_hz": sweeps["linear_hz"].min(),
+        "identified_hz": sweeps["identified_hz"].min(),
+        "full": sweeps["deviation"][::2].abs().max(),
+        "half": sweeps["deviation"][1::2].abs().max(),
+        "sweeps": len(sweeps),
+        "agree": (sweeps["remark"] == "agrees").sum(),
+    }
+
+
+def run(**means: Any) -> pd.DataFrame:
+    """Answers of both machines under every payload."""
     machine = ad.load(MACHINE).replace(RIGID)
     workspace = ad.Workspace.grid(machine)
-    design = ad.optimize(machine, workspace, bands=ad.Bands())
-    validations = {
-        f"{label}, {payload.name}": ad.validate(
-            version, payloads=[payload.name], workspace=workspace
-        )
-        for label, version in (("today", machine), ("new", design.machine))
-        for payload in machine.payloads
-    }
-    frames = [
-        validation.frame.assign(machine=label.split(",")[0])
-        for label, validation in validations.items()
-    ]
-    return pd.concat(frames, ignore_index=True), validations
-
-
-def summary(sweeps: pd.DataFrame) -> pd.DataFrame:
-    """Lowest linear frequency, gain, largest deviations at full and half amplitude, by load."""
-    half = sweeps.index % 2 == 1
-    columns = {
-        "lowest_hz": sweeps["linear_hz"],
-        "identified_hz": sweeps["identified_hz"],
-        "full": sweeps["deviation"].abs().where(~half),
-        "half": sweeps["deviation"].abs().where(half),
-    }
-    keys = [sweeps["machine"], sweeps["payload"]]
-    ways = {"lowest_hz": "min", "identified_hz": "min", "full": "max", "half": "max"}
-    return pd.DataFrame(columns).groupby(keys, sort=False).agg(ways)
+    new = ad.optimize(machine, workspace, bands=ad.Bands()).machine
+    both = [machine.replace({"name": "today"}), new.replace({"name": "new"})]
+    payloads = [payload.name for payload in machine.payloads]
+    return ad.sweep(both, task=proved, payloads=payloads, workspace=workspace, **means).answers
 
 
 def main() -> None:
     """Print the table, save it with every sweep and the measured responses of the worst poses."""
-    from armdesign import plots
-
-    sweeps, validations = run()
-    table = summary(sweeps)
+    OUT.mkdir(parents=True, exist_ok=True)
+    table = run(options={"save": True}, workers=2, journal=JOURNAL)
     share = "{:.2%}".format
     print(table.to_string(formatters={"full": share, "half": share}, float_format="{:.3f}".format))
-    print(sweeps["remark"].value_counts().to_string())
-    OUT.mkdir(parents=True, exist_ok=True)
-    sweeps.to_csv(OUT / "sweeps.csv", index=False)
-    worst = {label: validation.by_pose["worst"] for label, validation in validations.items()}
-    plots.save(plots.frequency_responses(worst), OUT / "responses.png")
+    sweeps = [pd.read_csv(OUT / f"{label}.csv") for label in table.index.map(", ".join)]
+    pd.concat(sweeps).to_csv(OUT / "sweeps.csv", index=False)
+    JOURNAL.unlink()
 
 
 if __name__ == "__main__":

@@ -7,10 +7,12 @@ the design for those keeps +8 % of its +14 % there. Sizes and pins are any, not 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 import armdesign as ad
+from armdesign import plots
 
 MACHINE = "excavator_20t"
 RIGID = {f"cylinder.{name}.compliance_m_per_N": 0 for name in ("boom", "stick", "bucket")}
@@ -20,56 +22,57 @@ BANDS = ad.Bands(
     payload=(0.8, 1.2),  # over the file's: wet or dry, heaped or struck
     link_mass=(0.95, 1.05),  # over the file's: castings, hoses, grease
 )
+MADE_FOR = {"today": None, "for the file": ad.Bands(), "for the bands": BANDS}
 OUT = Path("out") / "06_robust"
+JOURNAL = OUT / "journal.sqlite"  # with which an interrupted run goes on
 
 
-def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Design]]:
-    """Frequency bands of today's machine and both optima; ``fast``: coarse grid, one start."""
-    machine = ad.load(MACHINE).replace(RIGID)
-    workspace = ad.Workspace.grid(machine, points=9 if fast else None)
-    starts = 1 if fast else 3
-    designs = {
-        made_for: ad.optimize(
-            machine, workspace, starts=starts, bands=bands, objective="worst", catalogue="free"
+def band(
+    today: ad.Machine, workspace: ad.Workspace, case: str, starts: int, draw: bool
+) -> dict[str, Any]:
+    """Frequency band of today's machine or of an optimum; draws the robust one's arms if told."""
+    machine, bands = today, MADE_FOR[case]
+    if bands:
+        design = ad.optimize(
+            today, workspace, starts=starts, bands=bands, objective="worst", catalogue="free"
         )
-        for made_for, bands in (("file", ad.Bands()), ("bands", BANDS))
+        machine = design.machine
+        if draw and bands == BANDS:
+            plots.save(plots.moment_arms(design), OUT / "moment_arms.png")
+    band = ad.frequency_band(machine, workspace, BANDS, today=today)
+    return {
+        "least_hz": band.low.frequency,
+        "file_hz": band.nominal,
+        "greatest_hz": band.high.frequency,
+        "payload": band.low.payload,
+        "payload_share": band.low.corner.payload_share,
+        "link_share": band.low.corner.link_share,
     }
-    machines = {"today": machine} | {
-        f"for the {name}": design.machine for name, design in designs.items()
-    }
-    rows = {}
-    for name, model in machines.items():
-        band = ad.frequency_band(model, workspace, BANDS, today=machine)
-        rows[name] = {
-            "least_hz": band.low.frequency,
-            "file_hz": band.nominal,
-            "greatest_hz": band.high.frequency,
-            "payload": band.low.payload,
-            "payload_share": band.low.corner.payload_share,
-            "link_share": band.low.corner.link_share,
-        }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("machine"), designs
+
+
+def run(fast: bool = False, draw: bool = False, **means: Any) -> pd.DataFrame:
+    """Bands of today's machine and both optima; ``fast``: coarse grid, one start."""
+    machine, starts = ad.load(MACHINE).replace(RIGID), 1 if fast else 3
+    cases = [{"case": case, "starts": starts, "draw": draw} for case in MADE_FOR]
+    sweep = ad.sweep(machine, task=band, options=cases, points=9 if fast else None, **means)
+    return sweep.answers.rename_axis("machine")
 
 
 def main() -> None:
     """Print the table; save it with the bands and the robust design's moment arms drawn."""
-    from armdesign import plots
-
-    table, designs = run()
-    print(table.to_string(float_format="{:.3f}".format))
     OUT.mkdir(parents=True, exist_ok=True)
+    table = run(draw=True, workers=2, journal=JOURNAL)
+    print(table.to_string(float_format="{:.3f}".format))
     table.to_csv(OUT / "bands.csv")
     fig, (ax,) = plots.figure(1, 6.4, 3.2)
-    for place, row in enumerate(table.itertuples()):
-        ax.hlines(place, row.least_hz, row.greatest_hz, lw=6, color=plots.COMPUTED, alpha=0.5)
-        label = "_nolegend_" if place else "as in the file"
-        ax.plot(row.file_hz, place, "o", color=plots.INK, label=label)
-    ax.set(yticks=range(len(table)), yticklabels=table.index)
+    ends = table.least_hz, table.greatest_hz
+    ax.hlines(table.index, *ends, lw=6, color=plots.COMPUTED, alpha=0.5)
+    ax.plot(table.file_hz, table.index, "o", color=plots.INK, label="as in the file")
     ax.set(xlabel="worst natural frequency [Hz]", xlim=(0, None))
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)
     plots.save(fig, OUT / "bands.png")
-    plots.save(plots.moment_arms(designs["bands"]), OUT / "moment_arms.png")
+    JOURNAL.unlink()
 
 
 if __name__ == "__main__":

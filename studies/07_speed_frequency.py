@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import pandas as pd
 
 import armdesign as ad
+from armdesign.journal.finished import keeping
 
 MACHINE = "excavator_20t"
 RIGID = {f"cylinder.{name}.compliance_m_per_N": 0 for name in ("boom", "stick", "bucket")}
@@ -31,21 +33,18 @@ def run(fast: bool = False) -> tuple[pd.DataFrame, dict[str, ad.Pareto]]:
     best = partial(ad.pareto, machine, workspace, free, "oil", OIL, bands=ad.Bands())
     best_free = partial(best, catalogue="free", starts=1 if fast else 3)
     trades = {case: best_free(vary=vary) for case, vary in CASES.items()}
-    today = ad.frequency_map(machine, workspace).worst.frequency
-    frames = []
-    for volumes in PROPORTIONS.values():
-        maps = [ad.frequency_map(scaled(machine, x, volumes), workspace) for x in OIL]
-        frame = pd.DataFrame({"limit": OIL, "frequency_hz": [m.worst.frequency for m in maps]})
-        ratio = frame["frequency_hz"] / today
-        frames.append(frame.assign(gain=ratio - 1, squared_times_speed=ratio**2 / frame["limit"]))
-    frames += [trade.frame for trade in trades.values()]
-    cases = dict(zip((*PROPORTIONS, *trades), frames, strict=True))
-    table = pd.concat(cases, names=["case", None], join="inner").reset_index("case")
-    return table.set_index(["case", "limit"]), trades
+    frame = pd.DataFrame(product(PROPORTIONS, OIL), columns=["case", "limit"])
+    changes = [scaled(machine, x, PROPORTIONS[case]) for case, x in frame.to_numpy()]
+    hz = ad.sweep(machine, changes, workspace=workspace).answers["worst_hz"].to_numpy()
+    ratio = hz / hz[OIL.index(1.0)]
+    speeds = {"gain": ratio - 1, "squared_times_speed": ratio**2 / frame["limit"]}
+    fronts = [trade.frame.assign(case=case) for case, trade in trades.items()]
+    frames = [frame.assign(frequency_hz=hz, **speeds), *fronts]
+    return pd.concat(frames, join="inner").set_index(["case", "limit"]), trades
 
 
-def scaled(machine: ad.Machine, share: float, volumes: bool) -> ad.Machine:
-    """The machine with all areas (and dead volumes) ``share`` of today's."""
+def scaled(machine: ad.Machine, share: float, volumes: bool) -> dict[str, float]:
+    """Changes that make all areas (and dead volumes) ``share`` of today's."""
     changes = {}
     for name, cylinder in machine.section.cylinder.items():
         for key in ("bore_mm", "rod_mm"):
@@ -53,14 +52,15 @@ def scaled(machine: ad.Machine, share: float, volumes: bool) -> ad.Machine:
         for side in ("cap", "annulus") if volumes else ():
             volume = getattr(cylinder.dead_volume_l, side) * share
             changes[f"cylinder.{name}.dead_volume_l.{side}"] = volume
-    return machine.replace(changes)
+    return changes
 
 
 def main() -> None:
     """Print the table; save it with frequency and frequency² × speed drawn against oil."""
     from armdesign import plots
 
-    table, trades = run()
+    with keeping(OUT / "journal.sqlite"):  # with which an interrupted run goes on
+        table, trades = run()
     print(table.to_string(float_format="{:.3f}".format))
     OUT.mkdir(parents=True, exist_ok=True)
     table.to_csv(OUT / "trade_off.csv")

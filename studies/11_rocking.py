@@ -6,6 +6,7 @@ From 400 MN m/rad on it takes less than 1 % of the worst 0.767 Hz, at 25 MN m/ra
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -29,26 +30,25 @@ def on_tracks(machine: ad.Machine, stiffness: float) -> ad.Machine:
     return ad.Machine.from_text(f"{machine.text}\n{spring}", urdf, machine.source)
 
 
+def loss(machine: ad.Machine, workspace: ad.Workspace, stiffness: float) -> dict[str, Any]:
+    """Worst frequency on tracks, the loss, and what limits there."""
+    rigid = ad.frequency_map(machine, workspace).worst.frequency
+    rocking = on_tracks(machine, stiffness)
+    own = ad.Workspace.grid(rocking, points=[len(axis) for axis in workspace.axes])
+    frequencies = ad.frequency_map(rocking, own)
+    return {
+        "stiffness_mn_m": 1e-6 * stiffness,
+        "worst_hz": frequencies.worst.frequency,
+        "loss": 1 - frequencies.worst.frequency / rigid,
+        "limits": frequencies.worst.cylinder,
+        "carriage_share": frequencies.limiting_shares["carriage"],
+    }
+
+
 def run(fast: bool = False) -> pd.DataFrame:
-    """Worst frequency, what limits there, and the loss, by stiffness; ``fast``: coarse grid."""
-    machine = ad.load(MACHINE)
-    workspace = ad.Workspace.grid(machine, points=9 if fast else None)
-    rigid = ad.frequency_map(machine, workspace).worst
-    rows = []
-    for stiffness in STIFFNESS:
-        rocking = on_tracks(machine, stiffness)
-        own = ad.Workspace.grid(rocking, points=[len(axis) for axis in workspace.axes])
-        frequencies = ad.frequency_map(rocking, own)
-        rows.append(
-            {
-                "stiffness_mn_m": 1e-6 * stiffness,
-                "worst_hz": frequencies.worst.frequency,
-                "loss": 1 - frequencies.worst.frequency / rigid.frequency,
-                "limits": frequencies.worst.cylinder,
-                "carriage_share": frequencies.limiting_shares["carriage"],
-            }
-        )
-    return pd.DataFrame(rows)
+    """Answers for every stiffness; ``fast``: coarse grid."""
+    every = [{"stiffness": stiffness} for stiffness in STIFFNESS]
+    return ad.sweep(MACHINE, task=loss, options=every, points=9 if fast else None).answers
 
 
 def main() -> None:

@@ -39,9 +39,8 @@ def pins(machine: ad.Machine, workspace: ad.Workspace) -> pd.Series:
 
 def air(machine: ad.Machine, points: int | None) -> pd.Series:
     """Worst frequency [Hz] by air [%]."""
-    others = {air: machine.replace({"fluid.entrained_air_percent": air}) for air in AIR}
-    maps = {a: ad.frequency_map(m, ad.Workspace.grid(m, points)) for a, m in others.items()}
-    return pd.Series({a: each.worst.frequency for a, each in maps.items()}, name="worst_hz")
+    answers = ad.sweep(machine, {"fluid.entrained_air_percent": AIR}, points=points).answers
+    return answers["worst_hz"].rename_axis(None)
 
 
 def trust(machine: ad.Machine, workspace: ad.Workspace) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,17 +25,24 @@ class Case:
         machine: name of the machine that is changed.
         payload: the one load case that counts; None: all.
         changes: values by key path of the machine file.
+        options: of the task, beside those that all cases share.
     """
 
     key: str
     machine: str
     payload: str | None
     changes: Changes
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """Changes, and options of its own."""
+        return {**self.changes, **self.options}
 
     @property
     def name(self) -> str:
         """The case in words, as ``boom, full, fluid.bulk_modulus_MPa=900``."""
-        changed = [f"{path}={value}" for path, value in self.changes.items()]
+        changed = [f"{path}={value}" for path, value in self.settings.items()]
         return ", ".join([self.machine, *([self.payload] if self.payload else []), *changed])
 
 

@@ -20,7 +20,7 @@ KEYS = {
     "payloads": (list,),
     "points": (int, list),
     "requirements": (list,),
-    "options": (dict,),
+    "options": (dict, list),
     **{way: (kind,) for way, kind in WAYS.items()},
 }
 WORDS = {str: "a text", list: "a list", dict: "a table", int: "a whole number"}

@@ -7,6 +7,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,15 +57,16 @@ class Sweep:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Key paths that any case changes."""
-        return tuple(dict.fromkeys(path for case in self.cases for path in case.changes))
+        """Key paths that any case changes, and options that only some have."""
+        return tuple(dict.fromkeys(path for case in self.cases for path in case.settings))
 
     @cached_property
     def frame(self) -> pd.DataFrame:
         """A row for each case: machine, payload, changed values, answers, ``seconds``, ``error``.
 
         ``payload`` is empty where all load cases count, a changed value where the case keeps the
-        file's, an answer where the case failed.
+        file's, an answer where the case failed. Options of which several sets were given are
+        columns beside the changed values.
         """
         import pandas as pd
 
@@ -74,7 +76,7 @@ class Sweep:
             {
                 "machine": case.machine,
                 "payload": case.payload or "",
-                **{path: case.changes.get(path) for path in paths},
+                **{path: case.settings.get(path) for path in paths},
                 **{name: one.answer.get(name) for name in names if name not in paths},
                 "seconds": one.seconds,
                 "error": one.error,
@@ -82,6 +84,23 @@ class Sweep:
             for case, one in zip(self.cases, self.outcomes, strict=True)
         ]
         return pd.DataFrame(rows)
+
+    @property
+    def answers(self) -> pd.DataFrame:
+        """The answers alone, a row for each case, indexed by what tells the cases apart.
+
+        Raises:
+            ArmDesignError: a case failed; the first is named.
+        """
+        import pandas as pd
+
+        for name, error in self.failures.items():
+            raise ArmDesignError(name, error, "the frame has the other cases")
+        settings = [{"machine": c.machine, "payload": c.payload, **c.settings} for c in self.cases]
+        cases = pd.DataFrame(settings).map(_hashable)
+        apart = [name for name in cases if cases[name].nunique(dropna=False) > 1]
+        answers = pd.DataFrame([dict(one.answer) for one in self.outcomes])
+        return answers.set_index(cases.set_index(apart or "machine").index)
 
     def plot(self, answer: str = "") -> Figure:
         """Figure of an answer, by default the first, over each number that was changed."""
@@ -100,7 +119,7 @@ def sweep(
     seed: int = 0,
     payloads: Sequence[str] | None = None,
     requirements: Sequence[Mapping[str, Any]] | None = None,
-    options: Mapping[str, Any] | None = None,
+    options: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
     workspace: Workspace | None = None,
     points: int | Sequence[int] | None = None,
     workers: int = 1,
@@ -125,7 +144,7 @@ def sweep(
         seed: of that sequence.
         payloads: names of load cases, each alone; None: all together.
         requirements: keys of ``[requirements]`` and their values, one mapping per set.
-        options: of the task, numbers and words.
+        options: of the task, numbers and words; several sets of them are a case each.
         workspace: the poses of all cases; None: a joint grid of every changed machine.
         points: of that grid.
         workers: processes; 1: this one.
@@ -156,8 +175,11 @@ def sweep(
         chosen = of_sobol(changes, sobol, seed)
     else:
         raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
-    study = _study(_machines(machine), task, options or {}, workspace, points)
-    cases = list(_cases(study, _with_requirements(chosen, requirements), payloads))
+    shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
+    for one in (shared, *sets):
+        refuse_options(task, one)
+    study = _study(_machines(machine), task, shared, workspace, points)
+    cases = list(_cases(study, _with_requirements(chosen, requirements), payloads, sets))
     run = _CaseRunner(
         study=study, workers=workers, scheduler=scheduler, say=say or (lambda _: None)
     )
@@ -223,6 +245,10 @@ class _CaseRunner:
         self.say(f"a worker died; again: {case.name}")
 
 
+def _hashable(value: Any) -> Any:
+    return canonical(value) if isinstance(value, list | tuple | dict) else value
+
+
 def _machines(
     machine: Machine | str | Path | Sequence[Machine | str | Path],
 ) -> dict[str, Machine]:
@@ -248,7 +274,6 @@ def _study(
     points: Any,
 ) -> Study:
     """Data that all cases share, with their digest as name."""
-    refuse_options(task, options)
     if not isinstance(points, int | None):
         points = [int(count) for count in points]
     poses = [] if workspace is None else [workspace.q.tolist(), workspace.weights.tolist()]
@@ -292,7 +317,10 @@ def _with_requirements(
 
 
 def _cases(
-    study: Study, chosen: Sequence[Changes], payloads: Sequence[str] | None
+    study: Study,
+    chosen: Sequence[Changes],
+    payloads: Sequence[str] | None,
+    sets: Sequence[Mapping[str, Any]],
 ) -> Iterator[Case]:
     """The cases with their keys.
 
@@ -307,10 +335,13 @@ def _cases(
         for payload in payloads or (None,):
             if payload is not None:
                 machine.with_payload(payload)  # refused before anything is computed
-            for changes in chosen:
+            for changes, options in product(chosen, sets):
                 try:
-                    key = digest([identity, payload, dict(changes)])
+                    key = digest([identity, payload, dict(changes), dict(options)])
                 except TypeError as error:
                     fault = f"cannot be written down ({error})"
-                    raise ArmDesignError("changes", fault, "give numbers and texts") from None
-                yield Case(key=key, machine=name, payload=payload, changes=changes)
+                    remedy = "give numbers and texts"
+                    raise ArmDesignError("changes or options", fault, remedy) from None
+                yield Case(
+                    key=key, machine=name, payload=payload, changes=changes, options=options
+                )

@@ -115,7 +115,7 @@ def task_named(name: str) -> Task:
 
 
 def identity_of(task: str | Task) -> str:
-    """Identity of a task: its name, or a function's name and source.
+    """Identity of a task: its name, or a function's name and all of the file that has it.
 
     Raises:
         ArmDesignError: a function whose source does not say all that it does.
@@ -128,14 +128,17 @@ def identity_of(task: str | Task) -> str:
         fault = "holds values that its source does not show"
         raise ArmDesignError(name, fault, "give a plain function, and values as options")
     try:
-        return f"{task.__module__}.{name}\n{inspect.getsource(task)}"
+        lines, _ = inspect.findsource(task)
     except (OSError, TypeError):
         fault = "has no source by which its answers could be known again"
         raise ArmDesignError(name, fault, "define it in a file") from None
+    return f"{task.__module__}.{name}\n{''.join(lines)}"
 
 
 def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
     """Raise for options that a task does not have."""
+    if not isinstance(options, Mapping):
+        raise ArmDesignError("options", f"{options!r} is no set", "give values by name")
     function = task_named(task) if isinstance(task, str) else task
     parameters = inspect.signature(function).parameters
     if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):

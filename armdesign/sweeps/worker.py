@@ -36,7 +36,7 @@ class Study:
         version: of the package that made it.
         machines: machines that are changed, by name.
         task: name of a task, or a function of machine, workspace and options.
-        options: of the task.
+        options: of the task, in all cases.
         workspace: the poses; None: a joint grid of every changed machine.
         points: of that grid.
     """
@@ -120,7 +120,7 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
         machine = replace(machine, payloads=(machine.payload,))
     workspace = study.workspace or Workspace.grid(machine, study.points)
     task = task_named(study.task) if isinstance(study.task, str) else study.task
-    return _plain(task(machine, workspace, **study.options))
+    return _plain(task(machine, workspace, **study.options, **case.options))
 
 
 def _plain(answer: Any) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import linecache
 import os
 import signal
 from collections.abc import Mapping
@@ -24,6 +26,13 @@ WRONG = {**MODULI, "cylinder.lift.stroke_mm": [200.0, -5.0]}
 def modulus(machine: ad.Machine, _: ad.Workspace) -> Mapping[str, Any]:
     """A quick task."""
     return {"modulus": machine.fluid.bulk_modulus, "pid": "same"}
+
+
+def scaled(
+    machine: ad.Machine, _: ad.Workspace, factor: float, word: tuple[str, ...] = ()
+) -> Mapping[str, Any]:
+    """A quick task with options."""
+    return {"scaled": factor * machine.section.fluid.bulk_modulus_MPa}
 
 
 def kills_once(machine: ad.Machine, _: ad.Workspace, place: str = "") -> Mapping[str, Any]:
@@ -98,6 +107,58 @@ def test_load_cases_and_requirements_multiply() -> None:
     assert set(frame["payload"]) == {"load"}
 
 
+def test_sets_of_options_are_cases_which_index_the_answers() -> None:
+    sets = [{"factor": 1.0}, {"factor": 3.0, "word": ("a", "b")}]
+    sweep = ad.sweep("paper_1dof", MODULI, scaled, options=sets, points=2)
+    path = "fluid.bulk_modulus_MPa"
+    assert sweep.frame["word"].tolist() == [None, ("a", "b")] * 4
+    assert sweep.answers.index.names == [path, "factor", "word"]
+    assert list(sweep.answers) == ["scaled"]
+    assert sweep.answers["scaled"].to_list() == [
+        factor * modulus for modulus in MODULI[path] for factor in (1.0, 3.0)
+    ]
+    shared = ad.sweep("paper_1dof", task=scaled, options=sets[1], points=2)
+    assert shared.answers.index.to_list() == ["paper_1dof"]
+    assert "factor" not in shared.frame
+
+
+def test_answers_do_not_hide_that_a_case_failed() -> None:
+    sweep = ad.sweep("paper_1dof", WRONG, modulus, points=2)
+    with pytest.raises(
+        ad.ArmDesignError, match=r"stroke_mm=-5\.0: .*the frame has the other cases"
+    ):
+        _ = sweep.answers
+
+
+@pytest.mark.slow
+def test_a_task_of_a_file_that_no_worker_can_import_travels_with_all_it_needs(
+    tmp_path: Path,
+) -> None:
+    """As the studies'. Its journal knows the whole file: what the task calls may have changed."""
+
+    def frame(factor: float) -> ad.Sweep:
+        path = tmp_path / "far.py"
+        path.write_text(
+            f"FACTOR = {factor}\n\ndef scaled(modulus):\n    return FACTOR * modulus\n\n"
+            "def task(machine, workspace):\n"
+            "    return {'scaled': scaled(machine.section.fluid.bulk_modulus_MPa)}\n"
+        )
+        linecache.checkcache()
+        spec = importlib.util.spec_from_file_location("far", path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return ad.sweep(
+            "paper_1dof", MODULI, module.task, points=2, workers=2, journal=tmp_path / "j"
+        )
+
+    first, again, other = frame(2.0), frame(2.0), frame(30.0)
+    assert (first.kept, again.kept, other.kept) == (0, 4, 0)
+    assert first.answers["scaled"].to_list() == [2 * x for x in MODULI["fluid.bulk_modulus_MPa"]]
+    assert other.answers["scaled"].to_list() == [30 * x for x in MODULI["fluid.bulk_modulus_MPa"]]
+
+
 def test_cases_of_each_kind(tmp_path: Path) -> None:
     assert of_grid({"a": [1, 2], "b": [3, 4]}) == [
         {"a": a, "b": b} for a in (1, 2) for b in (3, 4)
@@ -123,6 +184,9 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"payloads": ["nothing"]}, "nothing"),
         ({"task": "design", "payloads": ["load"]}, "counts all load cases"),
         ({"options": {"start": 1}}, "no option of the task"),
+        ({"options": [{"start": 1}]}, "no option of the task"),
+        ({"options": [5]}, "is no set"),
+        ({"task": scaled, "options": [{"factor": object()}]}, "cannot be written down"),
         ({"workers": 0}, "whole number"),
         ({"machine": ["paper_1dof", "paper_1dof"]}, "one name"),
         ({"task": lambda machine, workspace: {}}, "file"),
