@@ -8,8 +8,10 @@ Gains of their own for each loop are searched from these, see ``own_gains``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -30,7 +32,8 @@ LOSS_FACTORS = (
     0.04,
 )  # η of one gain for all, the likeliest first
 LARGEST, SMALLEST = 1.5, 1e-4  # κ, and of that
-BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ
+BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ, over the part PASSED
+PASSED = 0.8  # of a mode by valve and delay, Re V: the bound has room for as little
 CLOSE, WIDER = 1.03, 1.03  # factors within which gains are found, and by which others are better
 # Shares of gains, of which a finer grid allows one; the last ones where the resonance of a mode
 # that is hardly damped lay between the frequencies of the grid.
@@ -109,13 +112,26 @@ class Task:
     @property
     def _highest(self) -> Array:
         """κ of position loops alone (n,) beyond which another band may seem to be stable."""
-        return np.minimum(LARGEST, BOUND * self.plant.damping[:, 0])
+        return self._ringing[:, 0]
 
     @property
     def highest_alone(self) -> Array:
         """κ (n,) that no position loop alone exceeds: it would be unstable at every mode."""
-        decay = self.plant.damping * self.plant.frequencies / self.plant.frequencies[:, :1]
-        return np.minimum(LARGEST, BOUND * decay.max(axis=1))
+        return np.asarray(self._ringing.max(axis=1))
+
+    @cached_property
+    def _ringing(self) -> Array:
+        """κ (n, k) beyond which position loops alone are unstable at each mode, or ``LARGEST``.
+
+        About a mode the loops run through a circle from 0 to −κ V ω_1/(2 ζ_k ω_k), which holds −1
+        if κ Re V > 2 ζ_k ω_k/ω_1. Where V, the response of valve and delay, has turned the phase by
+        90° and more no gain makes the mode ring.
+        """
+        plant = self.plant
+        decay = plant.damping * plant.frequencies / plant.frequencies[:, :1]
+        passed = plant.valve(2j * math.pi * plant.frequencies).real.min(axis=2)
+        with np.errstate(divide="ignore"):
+            return np.minimum(LARGEST, BOUND * decay / np.clip(passed / PASSED, 0.0, 1.0))
 
     def smallest(self) -> Controller:
         """The controllers (n,) of the smallest gains that are tried: of position loops alone."""

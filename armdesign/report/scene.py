@@ -306,9 +306,12 @@ def _drawn_machine(
     view = side_view(machine, q)
     swings = Swings(machine=machine, bodies=view.bodies, size=view.size)
     moved, joints = (swings.of(q, shapes[..., k]) for k in modes), picture_joints(machine, q)
-    loose = _loose(view)
-    factors = np.array([1 / units.table[joint.unit][0] for joint in machine.arm.joints])
-    exact = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
+    carriers = _carriers(view, machine)
+    loose = _loose(view, carriers)
+    usual = [units.table[joint.unit] for joint in machine.arm.joints]
+    factors = np.array([1 / factor for factor, _, _ in usual])
+    digits = [10.0**-places for _, _, places in usual]
+    exact = [*digits, *[MILLIHERTZ] * lowest.shape[1]]
     of_cells = MILLIHERTZ if mapped.loops is None else 0.0
     return DrawnMachine(
         label=label,
@@ -326,7 +329,7 @@ def _drawn_machine(
             tuple(tuple(map(tuple, np.round(ring, 3).tolist())) for ring in body.polygons)
             for body in view.bodies
         ),
-        points=_points(view, loose, machine, units),
+        points=_points(view, carriers, loose, machine, units),
         cylinders=_cylinders(view, machine),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
@@ -405,28 +408,31 @@ def _in_plate(view: SideView, body: int, places: Array) -> Array | None:
     return at if float(np.abs(miss).max()) < IN_PLATE else None
 
 
-def _carriers(view: SideView) -> list[tuple[str, int | None]]:
-    """Names of all points with the bodies that may carry them; the tool is on the last."""
+Carriers = list[tuple[str, int | None]]  # points by name, with the bodies that may carry them
+
+
+def _carriers(view: SideView, machine: Machine) -> Carriers:
+    """All pins and the tool, as in ``_all_points``."""
     pins = [(pin.name, pin.body) for pin in view.pins]
-    return [*pins, ("tool", len(view.bodies) - 1)]
+    return [*pins, ("tool", machine.arm.links[machine.tool.link].joint + 1)]
 
 
-def _loose(view: SideView) -> list[int]:
+def _loose(view: SideView, carriers: Carriers) -> list[int]:
     """Indices of the points that no plate carries."""
     points = _all_points(view)
     return [
         i
-        for i, (_, body) in enumerate(_carriers(view))
+        for i, (_, body) in enumerate(carriers)
         if body is None or _in_plate(view, body, points[:, i]) is None
     ]
 
 
 def _points(
-    view: SideView, loose: list[int], machine: Machine, units: Units
+    view: SideView, carriers: Carriers, loose: list[int], machine: Machine, units: Units
 ) -> tuple[dict[str, Any], ...]:
     points, rows = _all_points(view), list[dict[str, Any]]()
     pins = {pin.name: pin for pin in view.pins}
-    for i, (name, body) in enumerate(_carriers(view)):
+    for i, (name, body) in enumerate(carriers):
         words = f"tool, on {machine.tool.link}" if name == "tool" else name
         if name in pins and pins[name].at is not None:
             x, y, z = (units.number(value, "m") for value in pins[name].at or ())

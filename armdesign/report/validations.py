@@ -62,7 +62,8 @@ def _reasons(sweep: SweptMode) -> list[str]:
     from armdesign.simulation.sweeps import Failure, FittedMode
 
     both = (sweep, sweep.with_friction if isinstance(sweep, FittedMode) else None)
-    return [str(one.error) for one in both if isinstance(one, Failure)]
+    errors = [one.error for one in both if isinstance(one, Failure)]
+    return [f"{one.fault}; {one.remedy}" if one.remedy else one.fault for one in errors]
 
 
 def _note(friction: bool) -> str:
@@ -136,6 +137,10 @@ def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:
     return dataclasses.replace(sheet, note=f"{said} (validation.csv); {sheet.note}")
 
 
+def _largest(runs: Sequence[FittedMode]) -> str:
+    return f"{100 * max(abs(run.deviation) for run in runs):.2f} %"
+
+
 def verdict(validations: Sequence[Validation]) -> str:
     """Number of sweeps that agree, remarks of the others, and the largest deviation."""
     from armdesign.simulation.sweeps import FittedMode
@@ -146,11 +151,13 @@ def verdict(validations: Sequence[Validation]) -> str:
     others = "".join(f", {count} differ ({remark})" for remark, count in remarks.items() if count)
     remarks["failed"] = sum(len(validation.failures) for validation in validations)
     others += f", {remarks['failed']} failed" if remarks["failed"] else ""
-    dry = [run.with_friction for run in runs if isinstance(run.with_friction, FittedMode)]
-    largest = [
-        f"{100 * max(abs(run.deviation) for run in some):.2f} %" for some in (runs, dry) if some
-    ]
-    deviation = f"; largest deviation {', with dry friction '.join(largest)}" if largest else ""
+    repeated = [run.with_friction for run in runs if run.with_friction is not None]
+    dry = [run for run in repeated if isinstance(run, FittedMode)]
+    deviation = f"; largest deviation {_largest(runs)}" if runs else ""
+    if repeated:
+        deviation += f", with dry friction {_largest(dry) if dry else 'none'}"
+        if len(dry) < len(repeated):
+            deviation += f" of the {len(dry)} of {len(repeated)} in which a mode could be fitted"
     return (
         f"{agree} of {agree + remarks.total()} sweeps agree{others} (every cylinder at the worst,"
         f" the median and the best pose){deviation}"
