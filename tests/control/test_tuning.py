@@ -152,3 +152,30 @@ def test_pressures_that_creep_with_air_take_no_bandwidth() -> None:
     for plant in plants:
         task = Task(plant, Loops.of(plant), ControlOptions().aim)
         assert (damped(task).figures.bandwidth > 2 * np.pi * 0.05).all()
+
+
+@pytest.mark.parametrize(("valve", "delay"), [(2.0, 0.0), (1e4, 0.6), (6.0, 0.2)])
+def test_modes_whose_phase_is_turned_do_not_bound_gains(valve: float, delay: float) -> None:
+    """Valves slower than the mode, and delays: the gain is that of a scan in closed form.
+
+    Behind a fast valve without delay the mode rings from 2 ζω on.
+    """
+    omega, ratio = 5.0, 0.02
+    plant = one_mass(omega, ratio, valve, delay)
+    assert (plant.valve_damping == 1.0).all()
+    s = 1j * np.geomspace(1e-3, 60, 40001)
+    opened = np.exp(-delay * s) / (s / valve + 1) ** 2 / s
+    opened *= omega**2 / (s**2 + 2 * ratio * omega * s + omega**2)
+    late, early = control.pade(delay, 12) if delay else ([1.0], [1.0])
+    ahead = np.polymul(np.polymul([1 / valve**2, 2 / valve, 1], [1, 0]), early)
+    ahead = np.polymul(ahead, [1, 2 * ratio * omega, omega**2])
+    largest = 0.0
+    for gain in np.geomspace(0.01, 10, 2000):
+        size = np.abs((1 - gain * opened) / (1 + gain * opened)) / 2
+        poles = np.roots(np.polyadd(ahead, gain * omega**2 * np.asarray(late)))
+        if 1 / size.max() < MARGIN or poles.real.max() >= 0:
+            break
+        largest = gain
+    tuned = proportional(Task(plant, Loops.of(plant), Aim(margin=MARGIN)))
+    assert tuned.controller.position[0, 0] == pytest.approx(largest, rel=0.06)
+    assert largest > 1.5 * 2 * ratio * omega
