@@ -25,7 +25,7 @@ def draw(
     from armdesign.machine.loading import find
 
     with run.progress("drawing"):
-        out = run.folder(find(run.machine))
+        out = run.folder(*map(find, [run.machine, new] if new else [run.machine]))
         wrong = run.faults(run.machine)
         try:
             model = run.load(run.machine, check=False)

@@ -194,7 +194,7 @@ def loop_plant(
     """
     ratio = checked_damping(damping)
     if not 0 <= delay < math.inf:
-        raise ArmDesignError("delay", f"{delay:g} s is not allowed", "give seconds, 0 or more")
+        raise ArmDesignError("delay", f"{delay:g} s is not allowed", "give 0 or more")
     matrices = linear_models(controllable(machine, ratio is not None), poses.q).state_matrix_in_bar
     modes, k, nc = natural_modes(poses), poses.mass_matrix.shape[1], len(machine.actuators)
     rows, areas = slice(k, 2 * k), areas_of(machine.actuators)

@@ -124,8 +124,8 @@ class Task:
         """κ (n, k) beyond which position loops alone are unstable at each mode, or ``LARGEST``.
 
         About a mode the loops run through a circle from 0 to −κ V ω_1/(2 ζ_k ω_k), which holds −1
-        if κ Re V > 2 ζ_k ω_k/ω_1. Where V, the response of valve and delay, has turned the phase by
-        90° and more no gain makes the mode ring.
+        if κ Re V > 2 ζ_k ω_k/ω_1. Where V, the response of valve and delay, has turned the phase
+        by 90° and more no gain makes the mode ring.
         """
         plant = self.plant
         decay = plant.damping * plant.frequencies / plant.frequencies[:, :1]

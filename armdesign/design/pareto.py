@@ -183,6 +183,14 @@ def pareto(
     return _front(machine, against, limits, best)
 
 
+def _why(machine: Machine, error: InfeasibleError) -> str:
+    """Why no design meets a value, and what to relax."""
+    if relax := relaxations(error.conflict):
+        return f"{error.fault}: relax {relax}"
+    whole = f"{error.fault}; {error.remedy}" if error.remedy else error.fault
+    return whole if error.part == machine.name else f"{error.part} {whole}"
+
+
 def _front(
     machine: Machine,
     against: str,
@@ -213,8 +221,7 @@ def _front(
             try:
                 designs[limit] = tighter = best(limit, tighter)
             except InfeasibleError as error:
-                relax = relaxations(error.conflict)
-                left_out[limit] = f"{error.fault}: relax {relax}" if relax else error.fault
+                left_out[limit] = _why(machine, error)
                 refused = error
     except KeyboardInterrupt as stop:
         if not designs:

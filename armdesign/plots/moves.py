@@ -39,7 +39,10 @@ def move_figure(move: Move) -> Figure:
     _spectrum(axes[5], move)
     for ax in axes:
         ax.grid(alpha=0.3)
-        ax.legend(fontsize="small", frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.02))
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(
+                fontsize="small", frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.02)
+            )
     name = title_of(move.machine)
     fig.suptitle(f"{name}, payload {move.machine.payload.name}: {move.shaper.words}")
     return fig

@@ -30,9 +30,10 @@ MEANINGS = {
     "after_hz": "worst frequency of the new machine [Hz]",
     "gain": "of the worst frequency, with the file's values; 0.1 is 10 %",
     "least_gain": "least gain within the bands; null without bands",
-    "unrounded_hz": "worst frequency of the design before rounding [Hz]",
-    "bound_hz": "worst frequency that no design of this kind exceeds, before rounding [Hz]; null"
-    " where none is known",
+    "unrounded_hz": "worst frequency of the design before rounding [Hz]: where it was made for"
+    " bands, within them; where for the least gain within them, that gain times before_hz",
+    "bound_hz": "what no design of this kind exceeds, as unrounded_hz [Hz]; null where none is"
+    " known",
     "gap": "share by which that bound lies above the design before rounding; 0.01 is 1 %",
     "least_of": "what --least made small: oil, flow or mass",
     "amount_before": "of today's machine: oil of all cap sides [m³], pump flow [m³/s], or mass of"

@@ -168,8 +168,8 @@ def test_draw_writes_its_pictures(
         *("modes.png", "modes.svg"),
     }
     assert "boom 10.0°" in (tmp_path / "out/draw_paper_1dof/machine.svg").read_text()
-    assert main(["draw", "paper_1dof", "paper_1dof", "--out", "two"], monkeypatch) == 0
-    assert (tmp_path / "two" / "overlay.png").exists()
+    assert main(["draw", "paper_1dof", "paper_1dof"], monkeypatch) == 0
+    assert (tmp_path / "out/draw_paper_1dof_paper_1dof/overlay.png").exists()
     assert main(["draw", "paper_1dof", "--pose", "boom=80"], monkeypatch) == 2
     assert "outside its range" in capsys.readouterr().err
 

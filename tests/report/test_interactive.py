@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 import armdesign as ad
+from armdesign.drawing.side_view import side_view
 from armdesign.plots.charts import Chart, Curve
 from armdesign.report.interactive import COLUMNS, document, interactive
 from armdesign.report.scene import MapScene, scene_of
+from tests import machines
 
 
 def scene(name: str, points: int) -> MapScene:
@@ -56,6 +58,17 @@ def test_the_colours_are_those_of_bokeh() -> None:
     for ours, theirs in zip(colours, Viridis256, strict=True):
         pairs = zip(bytes.fromhex(ours[1:]), bytes.fromhex(theirs[1:]), strict=True)
         assert max(abs(one - other) for one, other in pairs) <= 1
+
+
+@pytest.mark.parametrize("name", ["rocking", "crossing", "branched"])
+def test_the_tool_is_on_the_body_of_its_link(name: str) -> None:
+    """Not on the last one: springs follow the joints, and so does another arm."""
+    machine = machines.named(name)
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 2))
+    (drawn,) = scene_of({"today": frequencies}).machines
+    tool = next(point for point in drawn.points if point["name"] == "tool")
+    assert machine.tool.link in side_view(machine, frequencies.worst.q).bodies[tool["body"]].links
+    assert tool["at"] is not None
 
 
 def test_a_name_cannot_end_the_script_and_pages_are_the_same_again() -> None:

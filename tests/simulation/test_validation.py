@@ -255,9 +255,9 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert list(validation.by_pose) == ["1", "2"]
     sheet = validation_sheet(validation.by_pose)
     assert ["failed" in row for row in sheet.rows] == [True, False, False]
-    assert "Failed: 1, load, lift: paper_1dof: lift cylinder: needs" in sheet.note
+    assert "Failed: 1, load, lift: needs" in sheet.note
     twice = validation_sheet({label: validation.by_pose["1"] for label in ("a", "b")}).note
-    assert "Failed: a, load, lift; b, load, lift: paper_1dof: lift cylinder: needs" in twice
+    assert "Failed: a, load, lift; b, load, lift: needs" in twice
     assert twice.count("Failed: ") == 1
     assert "2 of 3 sweeps agree" in verdict([validation])
     assert "1 failed" in verdict([validation])

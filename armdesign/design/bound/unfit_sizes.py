@@ -17,9 +17,13 @@ from armdesign.design.catalogue.sizes import GRID_MM, Sizes, sized, sizes_of
 from armdesign.design.program.problem import Problem
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.actuator import areas_of
-from armdesign.units import mm
+from armdesign.units import mm, outward
 
 FINER = sizes_of(f"{GRID_MM}mm")
+LOWER = "lift_share", "torque_share", "end_torque_share", "moment_arm_share", "buckling_share"
+UPPER = "thrust_share", "oil_each_share", "holding_share"
+FARTHEST = 4.0  # times an upper share, to which it is relaxed
+BISECTIONS, DIGITS = 10, 3
 
 
 def refuse_unfit_catalogue(problem: Problem) -> None:
@@ -44,11 +48,39 @@ def refuse_unfit_catalogue(problem: Problem) -> None:
         several = len(lacking) > 1
         fault = (
             f"has no size for the {', '.join(lacking)} {'cylinders' if several else 'cylinder'}:"
-            " their requirements allow none, wherever pins lie in their boxes"
+            f" {'their' if several else 'its'} requirements allow none, wherever pins lie in their"
+            " boxes"
         )
         ways = "; ".join(f"for the {name} {_spans(sizes)}" for name, sizes in lacking.items())
-        remedy = f"offer others, or relax them: in steps of {GRID_MM} mm these might do: {ways}"
-        raise InfeasibleError("catalogue", fault, remedy)
+        remedy = f"offer others: in steps of {GRID_MM} mm these might do: {ways}; or relax"
+        relaxed = [way for name in lacking if (way := _relaxations(wide, name, offered, bars))]
+        if len(relaxed) < len(lacking):
+            relaxed.append("several of their requirements")
+        raise InfeasibleError("catalogue", fault, f"{remedy} {', and '.join(relaxed)}")
+
+
+def _relaxations(
+    problem: Problem, name: str, offered: set[tuple[float, float]], bars: Sequence[BarEnclosure]
+) -> str:
+    """Shares of a cylinder of which one alone may leave it some of the sizes, and how far."""
+    stated = problem.requirements
+    i = [cylinder.name for cylinder in problem.machine.cylinders].index(name)
+
+    def might_do(setting: str, value: float) -> bool:
+        granted = replace(problem, requirements=stated.with_setting(setting, value))
+        return not offered.isdisjoint(possible_sizes(granted, i, bars))
+
+    ways = []
+    for key in (*LOWER, *UPPER):
+        setting = f"{key}.{name}"
+        low, high = (tight := stated.setting(setting)), 0.0 if key in LOWER else FARTHEST * tight
+        if tight <= 0 or not might_do(setting, high):
+            continue
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            low, high = (low, middle) if might_do(setting, middle) else (middle, high)
+        ways.append(f"{setting} to {outward(high, DIGITS, key in UPPER):g}")
+    return " or ".join(ways)
 
 
 def possible_sizes(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> Sizes:

@@ -21,8 +21,8 @@ UNMOVED = 1e-12  # [m] of a coordinate
 
 
 def neighbours(value: float) -> list[float]:
-    """The grid values below and above [mm]."""
-    low = math.floor(value / GRID + 1e-6) * GRID
+    """The grid values below and above, > 0 [mm]."""
+    low = max(math.floor(value / GRID + 1e-6), 1) * GRID
     return [round(low, 1), round(low + GRID, 1)]
 
 

@@ -17,6 +17,7 @@ from armdesign.errors import MachineFileError
 from armdesign.machine.file.contradictions import contradictions
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.schema_faults import (
+    STAND_IN,
     explained,
     first_fault,
     location_of,
@@ -149,6 +150,7 @@ def faults(
         fault
         for fault in contradictions(section, source)
         if _table(fault.part.removeprefix(f"{source}: ")) not in tables
+        and STAND_IN not in str(fault)
     ]
     return section, all_faults, wrong
 

@@ -115,6 +115,9 @@ def _shown(value: Any) -> str:
 # -------------------------------------------------------------------------------------- stand-ins
 
 
+STAND_IN = "stand_in"  # a name that no file gives: faults that speak of it are none of the file's
+
+
 def mend(data: Any, location: Location) -> None:
     """Take out what is wrong at a key path, or put a stand-in where something is needed."""
     node = data
@@ -145,5 +148,5 @@ def _stand_in(location: Location) -> Any:
     if get_origin(kind) is list:
         return [_stand_in((*location, 0))] * lengths(constraints)[0]
     if kind is str:
-        return "stand_in"
-    return {"stand_in": {}} if get_origin(kind) is dict else {}
+        return STAND_IN
+    return {STAND_IN: {}} if get_origin(kind) is dict else {}

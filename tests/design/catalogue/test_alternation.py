@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -157,11 +158,22 @@ def test_a_catalogue_without_a_size_for_a_cylinder_is_refused_at_once() -> None:
     ):
         with pytest.raises(
             InfeasibleError,
-            match=rf"catalogue: has no size for the {names}: .* relax them: {might}",
+            match=rf"catalogue: has no size for the {names}: .* offer others: {might}",
         ):
             ad.optimize(double(), None, Requirements(pin_box=0.1), catalogue=[size], starts=1)
         with pytest.raises(InfeasibleError, match=rf"has no size for the {names}: "):
             ad.steps(double(), None, Requirements(pin_box=0.1), catalogue=[size])
+
+
+def test_the_share_that_leaves_a_catalogue_a_size_is_named() -> None:
+    """By hand: 120/80 thrusts 1.44 of today's 100/63, pushing; what is named is just enough."""
+    size = (120 * mm, 80 * mm)
+    limits = Requirements(pin_box=0.1, thrust_share={"lift": 1.1, "fold": 2.0}, oil_each_share=2.0)
+    with pytest.raises(InfeasibleError, match="for the lift cylinder: its ") as error:
+        ad.optimize(double(), None, limits, catalogue=[size], starts=1)
+    named = re.findall(r"or relax thrust_share\.lift to ([\d.]+)$", str(error.value))
+    assert float(named[0]) == pytest.approx(1.44, abs=0.011)
+    assert float(named[0]) >= 1.44
 
 
 @pytest.mark.slow
