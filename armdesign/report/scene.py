@@ -3,20 +3,17 @@
 The maps are of frequency or of bandwidth. A cell is a rectangle of two joints, under one load case
 or all. Its worst pose is kept with what draws the machine there: matrices that place its bodies,
 places of the pins that no body carries, joints, and how far these go in each of the lowest modes.
-Numbers are packed as little-endian integers of 16 bits with a scale for each column, base64:
-places are finer than 1 mm.
+Numbers are packed: places are finer than 1 mm.
 """
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, percentiles
 from armdesign.drawing.colours import SPRING, actuator_colours
@@ -25,6 +22,7 @@ from armdesign.drawing.swing import PictureJoints, Swing, Swings, picture_joints
 from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
+from armdesign.report.packed import Packed, packed, whole
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -63,14 +61,6 @@ class CellPlane:
 
     x: CellAxis
     y: CellAxis | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Packed:
-    """A table of numbers: rows of ``scale`` columns, each an integer times its scale."""
-
-    scale: tuple[float, ...]
-    base64: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -306,25 +296,22 @@ def _drawn_machine(
     view = side_view(machine, q)
     swings = Swings(machine=machine, bodies=view.bodies, size=view.size)
     moved, joints = (swings.of(q, shapes[..., k]) for k in modes), picture_joints(machine, q)
-    carriers = _carriers(view, machine)
-    loose = _loose(view, carriers)
-    usual = [units.table[joint.unit] for joint in machine.arm.joints]
-    factors = np.array([1 / factor for factor, _, _ in usual])
-    digits = [10.0**-places for _, _, places in usual]
-    exact = [*digits, *[MILLIHERTZ] * lowest.shape[1]]
+    loose = _loose(view, carriers := _carriers(view, machine))
+    factors = np.array([1 / units.table[joint.unit][0] for joint in machine.arm.joints])
+    exact = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
     of_cells = MILLIHERTZ if mapped.loops is None else 0.0
     return DrawnMachine(
         label=label,
         parts=tuple(part.name for part in machine.yielding),
-        cells=_whole(np.column_stack([cells.table[:, :3], place.ravel() + 1])),
-        frequencies=_packed(cells.frequencies, steps=of_cells),
-        poses=_whole(np.column_stack([case + 1, limits])),
-        positions=_packed(np.column_stack([q * factors, lowest]), steps=exact),
+        cells=whole(np.column_stack([cells.table[:, :3], place.ravel() + 1])),
+        frequencies=packed(cells.frequencies, steps=of_cells),
+        poses=whole(np.column_stack([case + 1, limits])),
+        positions=packed(np.column_stack([q * factors, lowest]), steps=exact),
         standing=tuple(view.placements[0, 0].ravel().tolist()),
-        placements=_packed(_numbers(view, loose)),
+        placements=packed(_numbers(view, loose)),
         joints=tuple(zip(joints.carriers, joints.hinges, strict=True)),
-        pivots=_packed(joints.places.reshape(len(q), -1)),
-        swings=_packed(np.hstack([_ways(joints, swing) for swing in moved])),
+        pivots=packed(joints.places.reshape(len(q), -1)),
+        swings=packed(np.hstack([_ways(joints, swing) for swing in moved])),
         bodies=tuple(
             tuple(tuple(map(tuple, np.round(ring, 3).tolist())) for ring in body.polygons)
             for body in view.bodies
@@ -333,7 +320,7 @@ def _drawn_machine(
         cylinders=_cylinders(view, machine),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
-        loops=None if mapped.loops is None else _packed(mapped.loops[rows]),
+        loops=None if mapped.loops is None else packed(mapped.loops[rows]),
     )
 
 
@@ -363,34 +350,6 @@ def _modes(machine: Machine, q: Array, case: Array) -> tuple[Array, Array, Array
         shapes[rows], lowest[rows] = modes.shapes[:, :, :most], modes.frequencies[:, :most]
         limits[rows] = energy_shares(poses, modes)[:, :most].argmax(axis=2)
     return shapes, limits, lowest
-
-
-# ------------------------------------------------------------------------------------ as numbers
-
-
-def _packed(values: Array, steps: ArrayLike = 0.0) -> Packed:
-    """Numbers (n, m) as integers with a scale for each column.
-
-    Where ``steps`` (m,) are not 0, they are rounded to whole ones, or to multiples of these where
-    a column needs them: to the digits that other tables have.
-    """
-    table = np.nan_to_num(np.asarray(values, dtype=float), posinf=0.0, neginf=0.0)
-    most = np.abs(table).max(axis=0, initial=0.0)
-    finest = np.where(most > 0, most, 1.0) / (2**15 - 1)
-    step = np.broadcast_to(steps, finest.shape)
-    whole = step * np.maximum(np.ceil(finest / np.where(step > 0, step, 1.0)), 1.0)
-    scale = np.where(step > 0, whole, finest)
-    return _coded(table / scale, scale)
-
-
-def _whole(values: Array) -> Packed:
-    """Integers (n, m) as they are."""
-    return _coded(values, np.ones(values.shape[1]))
-
-
-def _coded(values: Array, scale: Array) -> Packed:
-    text = base64.b64encode(np.rint(values).astype("<i2").tobytes()).decode("ascii")
-    return Packed(scale=tuple(scale.tolist()), base64=text)
 
 
 def _all_points(view: SideView) -> Array:

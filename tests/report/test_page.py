@@ -21,9 +21,10 @@ from armdesign.drawing.swing import Swings, picture_joints
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
 from armdesign.report.map_reports import map_report
 from armdesign.report.maps import map_sheets
+from armdesign.report.packed import Packed
 from armdesign.report.page import page, sortable
 from armdesign.report.provenance import Origin
-from armdesign.report.scene import Packed, bandwidth_scene, scene_of
+from armdesign.report.scene import bandwidth_scene, scene_of
 from armdesign.report.sheet import Sheet
 from tests.commands import main
 
