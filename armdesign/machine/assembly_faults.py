@@ -2,8 +2,8 @@
 
 Each cause of a wrong range is tried: the range is worked out again with the axis reversed, with
 limits taken as degrees, with the knee of a four-bar on its other side, with one length or pin
-taken as metres. A cause is named if the strokes
-fit the limits of the URDF with this correction, and do not fit them without it.
+taken as metres. A cause is named if the strokes fit the limits of the URDF with this correction,
+and do not fit them without it.
 """
 
 from __future__ import annotations

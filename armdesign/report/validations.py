@@ -155,9 +155,9 @@ def verdict(validations: Sequence[Validation]) -> str:
     dry = [run for run in repeated if isinstance(run, FittedMode)]
     deviation = f"; largest deviation {_largest(runs)}" if runs else ""
     if repeated:
-        deviation += f", with dry friction {_largest(dry) if dry else 'none'}"
-        if len(dry) < len(repeated):
-            deviation += f" of the {len(dry)} of {len(repeated)} in which a mode could be fitted"
+        deviation += f", with dry friction {_largest(dry) if dry else 'not known'}"
+    if len(dry) < len(repeated):
+        deviation += f": {len(dry)} of {len(repeated)} repetitions show a mode"
     return (
         f"{agree} of {agree + remarks.total()} sweeps agree{others} (every cylinder at the worst,"
         f" the median and the best pose){deviation}"

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from armdesign.design.least import amounts
-
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
@@ -93,6 +91,8 @@ def of_design(design: Design) -> Numbers:
 
 def of_search(design: Design, least: str = "") -> Numbers:
     """A design, its bound, which takes seconds to find, and the amount that was made least."""
+    from armdesign.design.least import amounts
+
     numbers = {**of_design(design), "bound_hz": design.bound, "gap": design.gap}
     if not least:
         return numbers

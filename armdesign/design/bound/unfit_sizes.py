@@ -17,11 +17,11 @@ from armdesign.design.catalogue.sizes import GRID_MM, Sizes, sized, sizes_of
 from armdesign.design.program.problem import Problem
 from armdesign.errors import InfeasibleError
 from armdesign.hydraulics.actuator import areas_of
+from armdesign.machine.file.schema import BY_ACTUATOR
 from armdesign.units import mm, outward
 
 FINER = sizes_of(f"{GRID_MM}mm")
-LOWER = "lift_share", "torque_share", "end_torque_share", "moment_arm_share", "buckling_share"
-UPPER = "thrust_share", "oil_each_share", "holding_share"
+UPPER = "holding_share", "oil_each_share", "thrust_share"  # the other shares are lower limits
 FARTHEST = 4.0  # times an upper share, to which it is relaxed
 BISECTIONS, DIGITS = 10, 3
 
@@ -40,40 +40,41 @@ def refuse_unfit_catalogue(problem: Problem) -> None:
     bars = bar_enclosures(wide)
     if bars is None:
         return
-    for i, cylinder in enumerate(problem.machine.cylinders):
+    for i in range(len(problem.machine.cylinders)):
         sizes = possible_sizes(wide, i, bars) if all(problem.vector.resized[i]) else ()
         if sizes and not offered.intersection(sizes):
-            lacking[cylinder.name] = sizes
+            lacking[i] = sizes
     if lacking:
-        several = len(lacking) > 1
+        several, names = len(lacking) > 1, [problem.machine.cylinders[i].name for i in lacking]
         fault = (
-            f"has no size for the {', '.join(lacking)} {'cylinders' if several else 'cylinder'}:"
+            f"has no size for the {', '.join(names)} {'cylinders' if several else 'cylinder'}:"
             f" {'their' if several else 'its'} requirements allow none, wherever pins lie in their"
             " boxes"
         )
-        ways = "; ".join(f"for the {name} {_spans(sizes)}" for name, sizes in lacking.items())
+        pairs = zip(names, lacking.values(), strict=True)
+        ways = "; ".join(f"for the {name} {_spans(sizes)}" for name, sizes in pairs)
         remedy = f"offer others: in steps of {GRID_MM} mm these might do: {ways}; or relax"
-        relaxed = [way for name in lacking if (way := _relaxations(wide, name, offered, bars))]
+        relaxed = [way for i in lacking if (way := _relaxations(wide, i, offered, bars))]
         if len(relaxed) < len(lacking):
             relaxed.append("several of their requirements")
         raise InfeasibleError("catalogue", fault, f"{remedy} {', and '.join(relaxed)}")
 
 
 def _relaxations(
-    problem: Problem, name: str, offered: set[tuple[float, float]], bars: Sequence[BarEnclosure]
+    problem: Problem, i: int, offered: set[tuple[float, float]], bars: Sequence[BarEnclosure]
 ) -> str:
-    """Shares of a cylinder of which one alone may leave it some of the sizes, and how far."""
-    stated = problem.requirements
-    i = [cylinder.name for cylinder in problem.machine.cylinders].index(name)
+    """Shares of cylinder ``i`` of which one alone may leave it some of the sizes, and how far."""
+    stated, name = problem.requirements, problem.machine.cylinders[i].name
 
     def might_do(setting: str, value: float) -> bool:
         granted = replace(problem, requirements=stated.with_setting(setting, value))
         return not offered.isdisjoint(possible_sizes(granted, i, bars))
 
     ways = []
-    for key in (*LOWER, *UPPER):
+    for key in BY_ACTUATOR:
         setting = f"{key}.{name}"
-        low, high = (tight := stated.setting(setting)), 0.0 if key in LOWER else FARTHEST * tight
+        low = tight = stated.setting(setting)
+        high = FARTHEST * tight if key in UPPER else 0.0
         if tight <= 0 or not might_do(setting, high):
             continue
         for _ in range(BISECTIONS):

@@ -130,11 +130,9 @@ def _unknown(path: str, known: list[str]) -> tuple[str, str]:
             return "is no number that can vary", f"name one such as {_nearest(path, known)}"
         # one number there, or none, is for all
         share = table == "tolerances" or table.rpartition(".")[2] in BY_ACTUATOR
-        holder, first = (
-            annotation(location[: (depth := _known_parts(path, known))])[0],
-            location[depth],
-        )
-        if share or (is_table(holder) and first in holder.model_fields):
+        depth = _known_parts(path, known)
+        holder, _ = annotation(location[:depth])
+        if share or (is_table(holder) and location[depth] in holder.model_fields):
             return "has no value in the file", f"write one first: {limits}"
     if location[0] == "tolerances":
         return "there is no such width", choose(leaf, list(TolerancesSection.model_fields))
