@@ -53,7 +53,7 @@ ROOMS = (
     ),
 )
 DOORS = {  # library: the only modules that may import it
-    "pinocchio": {"mechanism.arm", "simulation.plant.forward_dynamics"},
+    "pinocchio": {"mechanism.arm", "simulation.plant.rigid_bodies"},
     "ezdxf": {"exchange.dxf"},
     "matplotlib": {"plots.canvas"},
     "shapely": {"drawing.outlines"},

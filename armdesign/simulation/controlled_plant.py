@@ -103,17 +103,35 @@ class ControlledPlant:
     def _corrects(self) -> bool:
         return bool(self.gains.any())
 
+    @cached_property
+    def _kernels(self) -> dict[str, Callable[..., None]]:
+        """Compiled functions by name, each for the types that all its calls here have."""
+        return {}
+
+    def _run(self, kernel: Callable[..., None], *arguments: object) -> None:
+        """Call a compiled function, whose types are looked at once."""
+        name = kernel.__name__
+        if name not in self._kernels:
+            self._kernels[name] = resolved(kernel, *arguments)
+        self._kernels[name](*arguments)
+
     def commands(self, demand: Array, state: Array) -> Array:
-        """Spool commands (n, nc): the demands, with the loop's correction of the opening."""
+        """Spool commands (n, nc): the demands, with the loop's correction of the opening.
+
+        Args:
+            demand: (n, nc).
+            state: (n, size), without gaps in memory.
+        """
         if not self._corrects:
             return demand
-        corrected = np.empty_like(demand)
-        _correct(demand, state, self.gains, self.plant.parameters.actuators, corrected)
+        corrected, actuators = np.empty(demand.shape), self.plant.parameters.actuators
+        self._run(_correct, demand, state, self.gains, actuators, corrected)
         return corrected
 
     def commands_at(self, time: Array, states: Array) -> Array:
         """Spool commands (m, nc) of one case at its instants (m,) [s] and states there."""
-        return self.commands(self._demands(time, self.demands * len(time)), states)
+        demands = self._demands(time, self.demands * len(time))
+        return self.commands(demands, np.ascontiguousarray(states))
 
     def _demands(self, time: Array, demands: Sequence[Command]) -> Array:
         """Spool commands (n, nc) at times (n,) [s], one of each function."""
@@ -121,15 +139,17 @@ class ControlledPlant:
             pairs = zip(demands, time.tolist(), strict=True)
             return np.array([demand(t) for demand, t in pairs], dtype=float)
         time, spools = np.array(time, dtype=float), np.zeros((len(time), self.plant.nc))
-        resolved(write_sweeps, time, self.sweeps, spools)(time, self.sweeps, spools)
+        self._run(write_sweeps, time, self.sweeps, spools)
         return spools
 
     def rates(self, time: Array, state: Array) -> Array:
         """Rates of the plants' states, of the loop's two low-passes and of the energies."""
+        state = np.ascontiguousarray(state, dtype=float)
         command = self.commands(self._demands(time, self.demands), state)
         evaluation = self.plant.evaluate(state, command)
         rates, outputs, powers, _ = evaluation
-        _follow(state, self.gains, self.places, self.corners, outputs, powers, rates)
+        loop = self.gains, self.places, self.corners
+        self._run(_follow, state, *loop, outputs, powers, rates)
         return rates
 
     def energies(self, states: Array) -> Array:

@@ -38,8 +38,8 @@ from armdesign.simulation.operating_point import (
     motion_of,
 )
 from armdesign.simulation.plant import slopes
-from armdesign.simulation.plant.forward_dynamics import COMPLEX_STEP, curvature
 from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.plant.rigid_bodies import COMPLEX_STEP, curvature
 from armdesign.simulation.plant.springs import settled
 from armdesign.simulation.signals import Signals, signals_of
 

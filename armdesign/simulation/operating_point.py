@@ -147,7 +147,7 @@ def in_motion(
         )
     k = len(plant.machine.arm.coordinates)
     q, velocity = steady.states[:, :k], steady.states[:, k : 2 * k]
-    terms = plant.forward_dynamics.resistance_slopes(q, velocity)
+    terms = plant.rigid_bodies.resistance_slopes(q, velocity)
     return OperatingPoints(poses, steady.states, *terms)
 
 
@@ -227,7 +227,7 @@ class _Steady:
         settled = np.ones(len(q), dtype=bool)
         for _ in range(ROUNDS):
             speeds[:, :nq] = velocity
-            resistance = plant.forward_dynamics.resistance(q, speeds)
+            resistance = plant.rigid_bodies.resistance(q, speeds)
             load = static_forces(self._arms, resistance, plant.machine.bore_areas, nq)
             self._force = load + friction * rates
             self._line = self._supply()

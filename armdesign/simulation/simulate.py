@@ -318,7 +318,7 @@ def _recorded(
     commands = system.commands_at(time, states)
     evaluation = plant.evaluate(body, commands)
     q, velocity, _, _, spool, _ = plant.split(body)
-    energy = plant.forward_dynamics.energy(q, velocity)
+    energy = plant.rigid_bodies.energy(q, velocity)
     supplied, oil, dissipated = system.energies(states)
     elastic, frames, nq = evaluation.springs, machine.arm.kinematics(q), len(machine.joints)
     run = Simulation(

@@ -32,7 +32,7 @@ def carrying(plant: Plant, state: Array) -> Plant:
     if not machine.springs:
         return plant
     q, velocity = state[None, :k], state[None, k : 2 * k]
-    held = plant.forward_dynamics.resistance(q, velocity)[0, len(machine.joints) :]
+    held = plant.rigid_bodies.resistance(q, velocity)[0, len(machine.joints) :]
     springs = zip(machine.springs, held.tolist(), strict=True)
     carried = tuple(replace(spring, preload=preload) for spring, preload in springs)
     return Plant(replace(machine, springs=carried))

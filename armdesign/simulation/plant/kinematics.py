@@ -1,4 +1,4 @@
-"""Kinematics of pins, compiled: lengths and moment arms of cylinders, inertia of their bars.
+"""Kinematics, compiled: motion of points of the links, lengths and moment arms of cylinders.
 
 The same geometry as ``linkage``, of one pose at a time and without what a simulation does not
 need. All is seen from the world. A joint j moves a point P on a link behind it by ∂P/∂q_j = a_j ×
@@ -26,7 +26,6 @@ from armdesign.mechanism.linkage.base import Pin
 from armdesign.mechanism.urdf import Joint
 from armdesign.simulation.plant.compiled import Record, Records, borrowing, compiled, new_records
 from armdesign.simulation.plant.vectors import ZERO, Vector, cross, dot, plus, scaled, turned
-from armdesign.units import GRAVITY
 
 JOINT = np.dtype(  # its frame in its parent's, turned by constant + sin q sine + cos q cosine
     [
@@ -47,6 +46,7 @@ DRIVE = np.dtype(  # of a cylinder its pins and bars, of a motor the joint that 
         *((name, "f8", 3) for name in ("right", "up")),
         *((name, "f8") for name in ("rocker", "coupler", "side", "closed_length")),
         *((name, "f8") for name in ("barrel_mass", "rod_mass", "rocker_mass", "coupler_mass")),
+        ("weighs", "?"),  # whether one of these is not zero
     ],
     align=True,
 )
@@ -71,13 +71,6 @@ class PinMotion(NamedTuple):
     slope: Array  # by each joint (POINTS, nq, 3)
     coriolis: Array  # Coriolis and centrifugal accelerations (POINTS, 3)
     arm: Array  # moment arms (nq,)
-
-
-class BarLoads(NamedTuple):
-    """Shares of bars in the mass matrices M (n, nq, nq) and the forces h (n, nq)."""
-
-    mass: Array
-    force: Array
 
 
 @compiled
@@ -131,6 +124,7 @@ def drives_of(machine: Machine) -> Records:
                 row[field] = value
         if isinstance(actuator, Cylinder):
             row["closed_length"] = actuator.closed_length
+            row["weighs"] = bool(actuator.moving_masses)
             for name, mass in actuator.moving_masses.items():
                 row[f"{name}_mass"] = mass
     return records
@@ -162,8 +156,10 @@ def place_joints(joints: Records, q: Array, frames: Frames) -> None:
                 )
         if parent >= 0:
             before = rotation[parent]
-            _write(
-                origin, j, plus(turned(before, _vector(origin, j)), _vector(origin, parent), 1.0)
+            write(
+                origin,
+                j,
+                plus(turned(before, vector_of(origin, j)), vector_of(origin, parent), 1.0),
             )
             for column in range(3):
                 x, y, z = turned(
@@ -171,16 +167,18 @@ def place_joints(joints: Records, q: Array, frames: Frames) -> None:
                     (rotation[j, 0, column], rotation[j, 1, column], rotation[j, 2, column]),
                 )
                 rotation[j, 0, column], rotation[j, 1, column], rotation[j, 2, column] = x, y, z
-        _write(axis, j, turned(rotation[j], (joint.axis[0], joint.axis[1], joint.axis[2])))
+        write(axis, j, turned(rotation[j], (joint.axis[0], joint.axis[1], joint.axis[2])))
 
 
 @borrowing
-def _vector(rows: Array, index: int) -> Vector:
+def vector_of(rows: Array, index: int) -> Vector:
+    """A row of (n, 3)."""
     return (rows[index, 0], rows[index, 1], rows[index, 2])
 
 
 @borrowing
-def _write(rows: Array, index: int, vector: Vector) -> None:
+def write(rows: Array, index: int, vector: Vector) -> None:
+    """Make a vector a row of (n, 3)."""
     rows[index, 0], rows[index, 1], rows[index, 2] = vector
 
 
@@ -190,18 +188,18 @@ def _position(pin: Record, frames: Frames) -> Vector:
     at = (pin.at[0], pin.at[1], pin.at[2])
     if pin.frame < 0:
         return at
-    return plus(_vector(frames.origin, pin.frame), turned(frames.rotation[pin.frame], at), 1.0)
+    return plus(vector_of(frames.origin, pin.frame), turned(frames.rotation[pin.frame], at), 1.0)
 
 
 @borrowing
-def _direction(frame: int, along: Array, frames: Frames) -> Vector:
+def direction(frame: int, along: Array, frames: Frames) -> Vector:
     """A direction of a joint's frame in the world."""
     given = (along[0], along[1], along[2])
     return given if frame < 0 else turned(frames.rotation[frame], given)
 
 
 @borrowing
-def _moved(
+def moved(
     joints: Records,
     frames: Frames,
     speed: Array,
@@ -218,13 +216,13 @@ def _moved(
     slope[:] = 0.0
     rate, coriolis, j = ZERO, ZERO, frame
     while j >= 0:
-        joint, turn = joints[j], _vector(frames.axis, j)
+        joint, turn = joints[j], vector_of(frames.axis, j)
         if joint.revolute:
-            lever = plus(vector, _vector(frames.origin, j), -1.0) if bound else vector
+            lever = plus(vector, vector_of(frames.origin, j), -1.0) if bound else vector
             own = cross(turn, lever)
         else:
             own = turn if bound else ZERO
-        _write(slope, j, own)
+        write(slope, j, own)
         own = scaled(own, speed[j])
         if joint.revolute:
             coriolis = plus(coriolis, cross(turn, plus(own, rate, 2.0)), speed[j])
@@ -269,7 +267,7 @@ def _product(along: Moving, vector: Moving) -> Vector:
 
 
 @compiled
-def _times(number: Vector, vector: Moving) -> Moving:
+def times(number: Vector, vector: Moving) -> Moving:
     """A number times a vector, each with its first and second derivative."""
     first = plus(scaled(vector[0], number[1]), vector[1], number[0])
     second = plus(
@@ -292,7 +290,7 @@ def _folded(drive: Record, pivot: Moving, lug: Moving, right: Moving, up: Moving
     """The knee of a four-bar from its pins and the directions of its plane."""
     vector = _sum(lug, pivot, -1.0)
     across, height = _knee(drive, _product(right, vector), _product(up, vector))
-    return _sum(pivot, _sum(_times(across, right), _times(height, up), 1.0), 1.0)
+    return _sum(pivot, _sum(times(across, right), times(height, up), 1.0), 1.0)
 
 
 @borrowing
@@ -302,22 +300,22 @@ def place_drive(
     """Length of a cylinder and vector from base pin to rod end; its ``PinMotion`` is written."""
     slope, coriolis = pins.slope, pins.coriolis
     at, frame = _position(drive.base_pin, frames), drive.base_pin.frame
-    base = _moved(joints, frames, speed, frame, at, True, slope[BASE])
+    base = moved(joints, frames, speed, frame, at, True, slope[BASE])
     at, frame = _position(drive.far_pin, frames), drive.far_pin.frame
-    far = _moved(joints, frames, speed, frame, at, True, slope[FAR])
+    far = moved(joints, frames, speed, frame, at, True, slope[FAR])
     end = far
     if drive.knee:
         end = _place_knee(drive, joints, frames, speed, far, pins)
     else:
         for j in range(len(joints)):
-            _write(slope[END], j, _vector(slope[FAR], j))
-    _write(coriolis, BASE, base[2])
-    _write(coriolis, FAR, far[2])
-    _write(coriolis, END, end[2])
+            write(slope[END], j, vector_of(slope[FAR], j))
+    write(coriolis, BASE, base[2])
+    write(coriolis, FAR, far[2])
+    write(coriolis, END, end[2])
     span = plus(end[0], base[0], -1.0)
     length = math.sqrt(dot(span, span))
     for j in range(len(joints)):
-        relative = plus(_vector(slope[END], j), _vector(slope[BASE], j), -1.0)
+        relative = plus(vector_of(slope[END], j), vector_of(slope[BASE], j), -1.0)
         pins.arm[j] = dot(span, relative) / length
     return length, span
 
@@ -329,83 +327,19 @@ def _place_knee(
     """The knee of a four-bar; slopes of pivot, plane and knee are written."""
     frame, slope = drive.pivot_pin.frame, pins.slope
     at = _position(drive.pivot_pin, frames)
-    pivot = _moved(joints, frames, speed, frame, at, True, slope[PIVOT])
-    along = _direction(frame, drive.right, frames)
-    right = _moved(joints, frames, speed, frame, along, False, slope[RIGHT])
-    along = _direction(frame, drive.up, frames)
-    up = _moved(joints, frames, speed, frame, along, False, slope[UP])
+    pivot = moved(joints, frames, speed, frame, at, True, slope[PIVOT])
+    along = direction(frame, drive.right, frames)
+    right = moved(joints, frames, speed, frame, along, False, slope[RIGHT])
+    along = direction(frame, drive.up, frames)
+    up = moved(joints, frames, speed, frame, along, False, slope[UP])
     for j in range(len(joints)):
         knee = _folded(
             drive,
-            (pivot[0], _vector(slope[PIVOT], j), ZERO),
-            (lug[0], _vector(slope[FAR], j), ZERO),
-            (right[0], _vector(slope[RIGHT], j), ZERO),
-            (up[0], _vector(slope[UP], j), ZERO),
+            (pivot[0], vector_of(slope[PIVOT], j), ZERO),
+            (lug[0], vector_of(slope[FAR], j), ZERO),
+            (right[0], vector_of(slope[RIGHT], j), ZERO),
+            (up[0], vector_of(slope[UP], j), ZERO),
         )
-        _write(slope[END], j, knee[1])
-    _write(pins.coriolis, PIVOT, pivot[2])
+        write(slope[END], j, knee[1])
+    write(pins.coriolis, PIVOT, pivot[2])
     return _folded(drive, pivot, lug, right, up)
-
-
-@borrowing
-def add_bars(
-    drive: Record,
-    length: float,
-    span: Vector,
-    speed: Array,
-    pins: PinMotion,
-    mass: Array,
-    force: Array,
-) -> None:
-    """Add barrel, rod, rocker and coupler of a placed cylinder to M (nq, nq) and h (nq,).
-
-    Barrel and rod are as long as the closed cylinder: their inner ends stand at ± ℓ_closed S/ℓ
-    from base pin and rod end, S from the one to the other.
-    """
-    slope, coriolis = pins.slope, pins.coriolis
-    rate = ZERO
-    for j in range(len(speed)):
-        relative = plus(_vector(slope[END], j), _vector(slope[BASE], j), -1.0)
-        rate = plus(rate, relative, speed[j])
-        along = _times(_share(drive, length, span, relative, ZERO), (span, relative, ZERO))
-        _write(slope[BARREL], j, plus(_vector(slope[BASE], j), along[1], 1.0))
-        _write(slope[ROD], j, plus(_vector(slope[END], j), along[1], -1.0))
-    second = plus(_vector(coriolis, END), _vector(coriolis, BASE), -1.0)
-    along = _times(_share(drive, length, span, rate, second), (span, rate, second))
-    _write(coriolis, BARREL, plus(_vector(coriolis, BASE), along[2], 1.0))
-    _write(coriolis, ROD, plus(_vector(coriolis, END), along[2], -1.0))
-    _add_bar(drive.barrel_mass, BASE, BARREL, pins, mass, force)
-    _add_bar(drive.rod_mass, ROD, END, pins, mass, force)
-    if drive.knee:
-        _add_bar(drive.rocker_mass, PIVOT, END, pins, mass, force)
-        _add_bar(drive.coupler_mass, END, FAR, pins, mass, force)
-
-
-@compiled
-def _share(drive: Record, length: float, span: Vector, rate: Vector, second: Vector) -> Vector:
-    """ℓ_closed/ℓ with its first and second derivative."""
-    first = dot(span, rate) / length
-    curve = (dot(rate, rate) + dot(span, second) - first * first) / length
-    share = drive.closed_length / length
-    return share, -share * first / length, share * (2 * first * first / length - curve) / length
-
-
-@borrowing
-def _add_bar(
-    weight: float, one: int, other: int, pins: PinMotion, mass: Array, force: Array
-) -> None:
-    """Add a slender bar from X to Y: m/3 (XXᵀ + YYᵀ) + m/6 (XYᵀ + YXᵀ), and so to h."""
-    if weight == 0.0:
-        return
-    slope, upwards = pins.slope, (0.0, 0.0, GRAVITY)
-    pull_one = plus(_vector(pins.coriolis, one), upwards, 1.0)
-    pull_other = plus(_vector(pins.coriolis, other), upwards, 1.0)
-    first = plus(scaled(pull_one, weight / 3), pull_other, weight / 6)
-    second = plus(scaled(pull_other, weight / 3), pull_one, weight / 6)
-    for j in range(len(force)):
-        x, y = _vector(slope[one], j), _vector(slope[other], j)
-        force[j] += dot(x, first) + dot(y, second)
-        near = plus(scaled(x, weight / 3), y, weight / 6)
-        far = plus(scaled(y, weight / 3), x, weight / 6)
-        for k in range(len(force)):
-            mass[j, k] += dot(near, _vector(slope[one], k)) + dot(far, _vector(slope[other], k))

@@ -1,6 +1,6 @@
 """The plant: the nonlinear model of machines as one function, ẏ = f(y, u), of n cases at once.
 
-    M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)      joints: ``forward_dynamics``
+    M(q) q̈ + h(q, q̇) = Rᵀ(A1 p1 − A2 p2 − friction + stops)      joints: ``inertia``
                          + τ₀ − κ (z − z₀) − d ż                 springs: ``springs``
     C1 ṗ1 = Q1 − A1 ṡ,   C2 ṗ2 = Q2 + A2 ṡ                      chambers: ``hydraulics``
     ẍ = ω_v² (u − x) − 2 ζ_v ω_v ẋ                              spool x, its command u in [−1, 1]
@@ -20,6 +20,7 @@ Units inside the state: pressures in bar, everything else SI, so that all number
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -30,7 +31,6 @@ from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import Record, Records, borrowing, resolved
 from armdesign.simulation.plant.energy_book import book_powers
-from armdesign.simulation.plant.forward_dynamics import ForwardDynamics
 from armdesign.simulation.plant.hydraulics import (
     OUTPUT,
     actuate,
@@ -38,11 +38,17 @@ from armdesign.simulation.plant.hydraulics import (
     pump_flow,
     system_of,
 )
+from armdesign.simulation.plant.inertia import (
+    Inertia,
+    add_bars,
+    add_bodies,
+    bodies_of,
+    new_inertia,
+    solve,
+)
 from armdesign.simulation.plant.kinematics import (
-    BarLoads,
     Frames,
     PinMotion,
-    add_bars,
     drives_of,
     joints_of,
     new_frames,
@@ -50,6 +56,7 @@ from armdesign.simulation.plant.kinematics import (
     place_drive,
     place_joints,
 )
+from armdesign.simulation.plant.rigid_bodies import RigidBodies
 from armdesign.simulation.plant.springs import add_springs, springs_of
 from armdesign.units import bar
 
@@ -79,6 +86,7 @@ class Parameters(NamedTuple):
     actuators: Records  # ``ACTUATOR`` (n, nc)
     systems: Records  # ``SYSTEM`` (n,)
     joints: Records  # ``JOINT`` (n, nq), springs' last
+    bodies: Records  # ``BODY`` (n, nq)
     drives: Records  # ``DRIVE`` (n, nc)
     springs: Records  # ``SPRING`` (n, ns)
 
@@ -97,6 +105,7 @@ class Scratch(NamedTuple):
 
     frames: Frames
     pins: PinMotion
+    inertia: Inertia
     pressures: Array  # of caps, then of annuli (2 nc,) [Pa]
 
 
@@ -117,18 +126,19 @@ class Plant:
 
     def __init__(self, *machines: Machine) -> None:
         self.machines, self.machine = machines, machines[0]
-        self.forward_dynamics = ForwardDynamics([machine.loaded_arm for machine in machines])
         self.parameters = Parameters(
             np.stack([actuators_of(machine) for machine in machines]),
             np.stack([system_of(machine) for machine in machines]),
             np.stack([joints_of(machine.arm) for machine in machines]),
+            np.stack([bodies_of(machine.loaded_arm) for machine in machines]),
             np.stack([drives_of(machine) for machine in machines]),
             np.stack([springs_of(machine) for machine in machines]),
         )
         self.nq, self.nc = nq, nc = len(self.machine.arm.coordinates), len(self.machine.actuators)
-        self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
-        self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
-        self._scratch = Scratch(new_frames(nq), new_pin_motion(nq), np.empty(2 * nc))
+        self.has_line = self.machine.supply.flow_limited
+        self._scratch = Scratch(
+            new_frames(nq), new_pin_motion(nq), new_inertia(nq), np.empty(2 * nc)
+        )
         self._kernel: Callable[..., None] | None = None
         edges = np.cumsum([0, nq, nq, nc, nc, int(self.has_line), nc, nc]).tolist()
         self._parts = tuple(slice(begin, end) for begin, end in pairwise(edges))
@@ -146,6 +156,11 @@ class Plant:
         kinds += [("annulus pressure", cylinders), ("pressure", ["supply"] * self.has_line)]
         kinds += [("spool", cylinders), ("spool speed", cylinders)]
         return tuple(f"{name} {kind}" for kind, names in kinds for name in names)
+
+    @cached_property
+    def rigid_bodies(self) -> RigidBodies:
+        """Forces and energy of the first machine's links, payload and bars, by Pinocchio."""
+        return RigidBodies(self.machine.loaded_arm)
 
     def split(self, state: Array) -> tuple[Array, ...]:
         """q, q̇, p1, p2 [Pa], spool and spool speed of states (..., size)."""
@@ -214,25 +229,17 @@ class Plant:
         """
         state = np.ascontiguousarray(state, dtype=float)
         command = np.ascontiguousarray(command, dtype=float)
-        n, nq = len(state), self.nq
+        n = len(state)
         if state.ndim != 2 or state.shape[1] < self.size or command.shape != (n, self.nc):
             shapes = f"states {state.shape}, commands {command.shape}"
             raise ValueError(f"{shapes}: not (n, {self.size}), (n, {self.nc})")
         evaluation = PlantInstant(
             np.empty_like(state), np.empty((n, self.nc), OUTPUT), np.empty((n, 3)), np.empty(n)
         )
-        torque, bars = np.empty((n, nq)), self._no_bars
-        if self._weighs:
-            bars = BarLoads(np.zeros((n, nq, nq)), np.zeros((n, nq)))
-        constants = self.parameters, self._layout, self._scratch
-        arguments = state, command, *constants, evaluation, torque, bars
+        arguments = state, command, self.parameters, self._layout, self._scratch, evaluation
         if self._kernel is None:
             self._kernel = resolved(_evaluate, *arguments)
         self._kernel(*arguments)
-        q, velocity = state[:, :nq], state[:, nq : 2 * nq]
-        evaluation.rates[:, nq : 2 * nq] = self.forward_dynamics.acceleration(
-            q, velocity, torque, bars if self._weighs else None
-        )
         return evaluation
 
 
@@ -251,69 +258,76 @@ def _evaluate(
     layout: Layout,
     scratch: Scratch,
     evaluation: PlantInstant,
-    torque: Array,
-    bars: BarLoads,
 ) -> None:
-    """Everything of an evaluation but the accelerations; torques (n, nq) and bars are written."""
+    """Everything of an evaluation, case by case."""
     nq, nc = parameters.joints.shape[1], parameters.drives.shape[1]
-    frames, pins, pressures = scratch
+    frames, pins, inertia, pressures = scratch
     for case in range(len(state)):
         m = case if len(parameters.systems) > 1 else 0
         system, y, rates = parameters.systems[m], state[case], evaluation.rates[case]
         has_line = layout.spools > layout.line
         supply = y[layout.line] * bar if has_line else system.pressure
-        torque[case], taken = 0.0, 0.0
-        for j in range(nq):
-            rates[j] = y[nq + j]
-        place_joints(parameters.joints[m], y[:nq], frames)
+        joints, speed, taken = parameters.joints[m], y[nq : 2 * nq], 0.0
+        _place_links(m, parameters, y, scratch, rates)
         for i in range(2 * nc):
             pressures[i] = y[layout.chambers + i] * bar
         for i in range(nc):
             actuator, drive = parameters.actuators[m, i], parameters.drives[m, i]
             output = evaluation.outputs[case, i]
-            spool, speed = layout.spools + i, layout.spools + nc + i
-            length = _place_actuator(case, drive, parameters.joints[m], y, frames, pins, bars)
-            moving = length, _sum_product(pins.arm, y[nq:])
+            spool, spool_speed = layout.spools + i, layout.spools + nc + i
+            length = _place_actuator(drive, joints, y, frames, pins, inertia)
+            moving = length, _sum_product(pins.arm, speed)
             both = pressures[i], pressures[nc + i]
             force, cap_rate, annulus_rate = actuate(
                 actuator, system, moving, both, y[spool], supply, output
             )
             for j in range(nq):
-                torque[case, j] += pins.arm[j] * force
+                inertia.torque[j] += pins.arm[j] * force
             rates[layout.chambers + i] = cap_rate / bar
             rates[layout.chambers + nc + i] = annulus_rate / bar
-            rates[spool] = y[speed]
-            rates[speed] = spool_acceleration(actuator, y[spool], y[speed], command[case, i])
+            rates[spool] = y[spool_speed]
+            rates[spool_speed] = spool_acceleration(
+                actuator, y[spool], y[spool_speed], command[case, i]
+            )
             taken = taken + output.supplied[0] + output.supplied[1]
         pump = taken
         if has_line:
             pump = pump_flow(system, supply)
             rates[layout.line] = (pump - taken) / system.line_capacity / bar
         actuators, outputs = parameters.actuators[m], evaluation.outputs[case]
-        flows = supply, pump, taken
         power, springs = evaluation.powers[case], parameters.springs[m]
-        stored = book_powers(actuators, system, pressures, outputs, flows, power)
-        evaluation.springs[case] = stored + add_springs(springs, y, torque[case], power)
+        stored = book_powers(actuators, system, pressures, outputs, (supply, pump, taken), power)
+        evaluation.springs[case] = stored + add_springs(springs, y, inertia.torque, power)
+        solve(inertia, rates[nq : 2 * nq])
+
+
+@borrowing
+def _place_links(
+    machine: int, parameters: Parameters, state: Array, scratch: Scratch, rates: Array
+) -> None:
+    """Write frames, what links and payload have in M and h, and the rates of positions."""
+    joints, inertia = parameters.joints[machine], scratch.inertia
+    nq = len(joints)
+    speed = state[nq : 2 * nq]
+    inertia.mass[:], inertia.force[:], inertia.torque[:] = 0.0, 0.0, 0.0
+    for j in range(nq):
+        rates[j] = speed[j]
+    place_joints(joints, state[:nq], scratch.frames)
+    add_bodies(parameters.bodies[machine], joints, scratch.frames, speed, inertia)
 
 
 @borrowing
 def _sum_product(a: Array, b: Array) -> float:
     """Scalar product of short arrays."""
     total = 0.0
-    for j in range(len(a)):  # b may be longer
+    for j in range(len(a)):
         total += a[j] * b[j]
     return total
 
 
 @borrowing
 def _place_actuator(
-    case: int,
-    drive: Record,
-    joints: Records,
-    state: Array,
-    frames: Frames,
-    pins: PinMotion,
-    bars: BarLoads,
+    drive: Record, joints: Records, state: Array, frames: Frames, pins: PinMotion, inertia: Inertia
 ) -> float:
     """Length of a cylinder [m] or angle of a motor [rad]; moment arms and bars are written."""
     nq = len(joints)
@@ -323,6 +337,6 @@ def _place_actuator(
         return state[drive.joint]
     speed = state[nq : 2 * nq]
     length, span = place_drive(drive, joints, frames, speed, pins)
-    if len(bars.mass):
-        add_bars(drive, length, span, speed, pins, bars.mass[case], bars.force[case])
+    if drive.weighs:
+        add_bars(drive, length, span, speed, pins, inertia)
     return length
