@@ -80,7 +80,8 @@ def stretches(instants: Sequence[float], end: float) -> list[Stretch]:
 
 
 # A case is stiff when its steps over a window are this much shorter than stability asks.
-WINDOW, STIFF = 300, 20.0
+WINDOW, STIFF = 300, 5.0
+FINER = 0.02  # of the tolerance, for LSODA: steps as stability asks are that exact
 HELD = 4.0  # a case whose steps are held short is stiff when they are this much shorter still
 LANDING = 8  # steps that growing again after a breakpoint may take
 STABLE = 0.8  # ω h at which no undamped oscillation grows (the limit is 0.95), whatever its error
@@ -160,11 +161,12 @@ def integrate(
     with np.errstate(all="ignore"), rounds("run", len(start)) as finished:
         stepper.begin(range(len(start)))
         for number in range(1, most_steps + 1):
-            stepper.advance()
+            halted = stepper.advance()
             if number % WINDOW == 0:
                 stepper.finish_stiff(7 * most_steps)
                 finished(len(start) - len(stepper.under_way()))
-            if stepper.drop_finished():
+                halted = True
+            if halted and stepper.drop_finished():
                 break
     for row in stepper.under_way():
         stepper.give_up(row, f"{TOO_MANY} {most_steps} steps")
@@ -218,8 +220,8 @@ class _Stepper:
             before=before,
         )
         self._evaluations = Counter[int]()
-        self._tableau = Tableau.of_scipy()
-        types = self._tableau, self.rows, Stages.like(start)
+        self._tableau, self._stages = Tableau.of_scipy(), Stages.like(start)
+        types = self._tableau, self.rows, self._stages
         self._place_stage = resolved(place_stage, 1, *types)
         self._finish_steps = resolved(finish_steps, *types, self.records, self.tolerance)
 
@@ -236,15 +238,17 @@ class _Stepper:
             at.slope[row] = slope[row]
             at.step[row] = min(at.size[row], at.stop[row] - at.time[row])
 
-    def advance(self) -> None:
-        """One step of every case, taken or refused."""
-        stages = Stages.like(self.rows.state)
+    def advance(self) -> bool:
+        """One step of every case, taken or refused; whether one has halted."""
+        stages = self._stages
         stages.slopes[0] = self.rows.slope
         for stage in range(1, 7):
             self._place_stage(stage, self._tableau, self.rows, stages)
             stages.slopes[stage] = self.system.rates(stages.at, stages.ahead)
-        if self._finish_steps(self._tableau, self.rows, stages, self.records, self.tolerance):
+        halted = self._finish_steps(self._tableau, self.rows, stages, self.records, self.tolerance)
+        if halted:
             self._go_on()
+        return bool(halted)
 
     def _go_on(self) -> None:
         """Let cases at a breakpoint enter their next stretch, and end those that are stuck."""
@@ -294,7 +298,7 @@ class _Stepper:
             at.time[row], at.state[row] = time, state
             self.records.fill(case, time, between)
 
-        limits = Limits(at.longest[row], self.tolerance, gained, WINDOW)
+        limits = Limits(at.longest[row], FINER * self.tolerance, gained, WINDOW)
         while integrate_stiff(rates, take, at.time[row], at.stop[row], at.state[row], limits):
             at.time[row] = at.stop[row]
             if at.time[row] == at.end[row]:
@@ -315,6 +319,7 @@ class _Stepper:
         if 0 < 2 * len(left) <= len(self.rows.time):
             self.system = self.system.picked(left)
             self.rows = Running(*(values[left] for values in self.rows))
+            self._stages = Stages.like(self.rows.state)
         return len(left) == 0
 
     def give_up(self, row: int, cause: str) -> None:
