@@ -19,7 +19,7 @@ from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
 from armdesign.short_repr import short_repr
-from armdesign.sweeps.cases import Case, Changes, of_any, of_sobol
+from armdesign.sweeps.cases import Case, Changes, all_changes, sobol_changes
 from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
@@ -340,9 +340,9 @@ def _changes(
     """
     requirements = variants["requirements"]
     if not variants["sobol"]:
-        chosen = of_any(changes)
+        chosen = all_changes(changes)
     elif isinstance(changes, Mapping):
-        chosen = of_sobol(changes, variants["sobol"], variants["seed"])
+        chosen = sobol_changes(changes, variants["sobol"], variants["seed"])
     else:
         raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
     sets = [

@@ -126,7 +126,7 @@ class Plant:
             np.stack([springs_of(machine) for machine in machines]),
         )
         self.nq, self.nc = nq, nc = len(self.machine.arm.coordinates), len(self.machine.actuators)
-        self.has_line, self._weighs = self.machine.supply.flow_limited, self.machine.has_bars
+        self.has_line, self._has_bars = self.machine.supply.flow_limited, self.machine.has_bars
         self._no_bars = BarLoads(np.zeros((0, nq, nq)), np.zeros((0, nq)))
         self._scratch = Scratch(new_frames(nq), new_pin_motion(nq), np.empty(2 * nc))
         self._kernel: Callable[..., None] | None = None
@@ -141,10 +141,10 @@ class Plant:
     def state_names(self) -> tuple[str, ...]:
         """Names of the numbers of the state."""
         joints = [joint.name for joint in self.machine.arm.coordinates]
-        cylinders = [f.name for f in self.machine.actuators]
-        kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
-        kinds += [("annulus pressure", cylinders), ("pressure", ["supply"] * self.has_line)]
-        kinds += [("spool", cylinders), ("spool speed", cylinders)]
+        actuators = [actuator.name for actuator in self.machine.actuators]
+        kinds = [("position", joints), ("velocity", joints), ("cap pressure", actuators)]
+        kinds += [("annulus pressure", actuators), ("pressure", ["supply"] * self.has_line)]
+        kinds += [("spool", actuators), ("spool speed", actuators)]
         return tuple(f"{name} {kind}" for kind, names in kinds for name in names)
 
     def split(self, state: Array) -> tuple[Array, ...]:
@@ -222,7 +222,7 @@ class Plant:
             np.empty_like(state), np.empty((n, self.nc), OUTPUT), np.empty((n, 3)), np.empty(n)
         )
         torque, bars = np.empty((n, nq)), self._no_bars
-        if self._weighs:
+        if self._has_bars:
             bars = BarLoads(np.zeros((n, nq, nq)), np.zeros((n, nq)))
         constants = self.parameters, self._layout, self._scratch
         arguments = state, command, *constants, evaluation, torque, bars
@@ -231,7 +231,7 @@ class Plant:
         self._kernel(*arguments)
         q, velocity = state[:, :nq], state[:, nq : 2 * nq]
         evaluation.rates[:, nq : 2 * nq] = self.forward_dynamics.acceleration(
-            q, velocity, torque, bars if self._weighs else None
+            q, velocity, torque, bars if self._has_bars else None
         )
         return evaluation
 
