@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import reprlib
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -61,7 +60,7 @@ def read(urdf: str | Path) -> tuple[str, Path]:
     if isinstance(urdf, str) and "<" in urdf:
         return urdf, Path(f"{_usable_name(_robot(urdf, 'urdf').get('name', ''))}.urdf")
     if not isinstance(urdf, str | Path):
-        fault = f"{reprlib.repr(urdf)} is not allowed"
+        fault = f"type {type(urdf).__name__} is not allowed"
         raise MachineFileError("urdf", fault, "give a path or the URDF's text")
     path = Path(urdf)
     return machine_file.read_text(path, LARGEST_URDF), path
@@ -92,7 +91,7 @@ def machine_text(
     for key, value in given.items():
         if not isinstance(value, Mapping):
             remedy = "expected {key: value} as in a machine file"
-            fault = f"{reprlib.repr(value)} is not allowed"
+            fault = f"type {type(value).__name__} is not allowed"
             raise MachineFileError(ARGUMENTS[key], fault, remedy)
     robot = _robot(urdf_text, path.name)
     if joints is None:
