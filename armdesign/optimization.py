@@ -83,7 +83,8 @@ def optimize(
             series with a cylinder stays as it is [m/N], whatever the new cylinder.
         objective: what rises: within bands "gain", the least of f_new/f_today over their corners,
             or "worst", the worst frequency within them; or "bandwidth", the least bandwidth of the
-            position loops with pressure feedback, see ``best_bandwidth``.
+            position loops with pressure feedback, by a local search without a ``bound`` that
+            starts from the design of the highest worst frequency.
         catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; pins
             then lie on whole millimetres and strokes on 5 mm. None: as ``requirements.catalogue``
             of the machine's file says. "free", or where the file says nothing: any size, pin and

@@ -101,8 +101,8 @@ def best_frequency(
         return outcome_of(problem, sizes, *how, given)
 
     def design() -> Design:
-        found = design_or_proof(problem, under, sizes is not None)
-        return Design.of(found, command=command)
+        outcome = design_or_proof(problem, under, sizes is not None)
+        return Design.of(outcome, command=command)
 
     identity = [command, repr(sizes), given and [given[0].tolist(), repr(given[1])]]
     return finished_design(Design, problem, identity, design)
@@ -188,8 +188,8 @@ def size_cylinders(
         return Outcome.of(search, Starts((hertz(search.squared),)))
 
     def design() -> Design:
-        found = design_or_proof(problem, under, sizes is not None)
-        return Design.of(found, command=command)
+        outcome = design_or_proof(problem, under, sizes is not None)
+        return Design.of(outcome, command=command)
 
     return finished_design(Design, problem, [command, repr(sizes)], design)
 

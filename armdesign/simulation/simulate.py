@@ -97,7 +97,10 @@ def simulate(
         velocity: joint speeds at the start (nq,) [rad/s, m/s]; None: at rest.
         hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder
             near its place; None: no loop.
-        preloaded: chamber pressures at equilibrium, see ``find_equilibrium``.
+        preloaded: chamber pressures at the start. None: as above. True: p1 + p2 = supply + return
+            (less where a relief would open), which keeps both chambers far from cavitation. False:
+            the unloaded chamber at return pressure whatever the file asks for, and valves closed
+            even if they leak: then the load creeps.
         supply_pressure: that the pump holds [Pa] instead of the machine's, to which its reliefs
             stay set. 0: a dead pump, open to whatever flows back.
         tolerance: of a step's error, relative, and absolute in rad, m, m/s, bar.
