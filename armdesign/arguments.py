@@ -1,4 +1,8 @@
-"""Arguments of public functions: a wrong type is an error of one line that names it."""
+"""Arguments of public functions: a wrong type is an error of one line that names it.
+
+Options that several functions share are a ``TypedDict``, and ``with_options`` makes its keys
+arguments of each function, as if they stood in its signature.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +12,10 @@ import inspect
 import numbers
 import os
 import reprlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeVar
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, choose, nearest
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -56,12 +60,13 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     that is not the package's, an argument that its annotations do not allow is at fault; without
     such an argument the error stays as it is. Annotations that are neither a plain type nor a
     class of the package, as aliases and arrays, allow everything. An unknown keyword of a function
-    that takes requirements is answered by how one is given.
+    that takes requirements is answered by the nearest argument, or by how a requirement is given.
 
     Raises:
         ArmDesignError: from the function made, for an argument of another type.
     """
-    signature, annotations = inspect.signature(function), function.__annotations__
+    signature = inspect.signature(function)
+    written = {n: p.annotation for n, p in signature.parameters.items() if p.annotation != p.empty}
 
     @functools.wraps(function)
     def judged(*words: P.args, **named: P.kwargs) -> R:
@@ -74,9 +79,9 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 given = signature.bind(*words, **named).arguments
             except TypeError:
                 given = {}  # one is missing or unknown, as Python says
-                if "requirements" in signature.parameters:
+                if takes_requirements(signature):
                     refuse_unknown(named, signature, function.__name__)
-            for name, kind in annotations.items():
+            for name, kind in written.items():
                 if name in given:
                     refuse_unless(name, given[name], kind)
             raise
@@ -84,13 +89,83 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     return judged
 
 
+def with_options(
+    options: type, defaults: Mapping[str, Any]
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator of functions that end in ``**name: Unpack[options]``.
+
+    The keys of the ``TypedDict`` are keyword arguments like all others: they stand in the
+    signature, which ``help`` and the documentation show, and the function receives all of them.
+
+    Args:
+        options: the ``TypedDict``.
+        defaults: of its keys; those without one must be given.
+
+    Raises:
+        ArmDesignError: from the function made, for an unknown keyword, with the nearest argument.
+        TypeError: from the function made, for a missing one, in Python's words.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        signature = _spelled_out(inspect.signature(function), options, defaults)
+
+        @functools.wraps(function)
+        def complete(*words: P.args, **named: P.kwargs) -> R:
+            refuse_unknown(named, signature, function.__name__)
+            given = {**defaults, **named}
+            if missing := [name for name in options.__annotations__ if name not in given]:
+                _refuse_missing(missing, function.__qualname__)
+            return function(*words, **given)
+
+        complete.__signature__ = signature  # type: ignore[attr-defined]
+        return complete
+
+    return decorated
+
+
+def _spelled_out(
+    signature: inspect.Signature, options: type, defaults: Mapping[str, Any]
+) -> inspect.Signature:
+    """A signature with the keys of options in place of ``**``."""
+    keys = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=defaults.get(name, inspect.Parameter.empty),
+            annotation=getattr(kind, "__forward_arg__", kind),  # as it is written
+        )
+        for name, kind in options.__annotations__.items()
+    ]
+    others = [p for p in signature.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    return signature.replace(parameters=[*others, *keys])
+
+
+def _refuse_missing(names: Sequence[str], door: str) -> None:
+    """Raise for keywords that must be given, in the words of Python for those of a signature."""
+    *others, last = map(repr, names)
+    comma = "," if len(others) > 1 else ""
+    said = f"{', '.join(others)}{comma} and {last}" if others else last
+    arguments = "arguments" if others else "argument"
+    raise TypeError(f"{door}() missing {len(names)} required keyword-only {arguments}: {said}")
+
+
+def takes_requirements(signature: inspect.Signature) -> bool:
+    """Whether an argument is the requirements of a design."""
+    return any("Requirements" in str(one.annotation) for one in signature.parameters.values())
+
+
 def refuse_unknown(named: Mapping[str, Any], signature: inspect.Signature, door: str) -> None:
     """Raise for a keyword that is none of the arguments: it may be meant as a requirement."""
+    known = [name for name in signature.parameters if name != "cls"]
     for name in named:
-        if name not in signature.parameters:
+        if name in known:
+            continue
+        remedy = choose(name, known)
+        if takes_requirements(signature):
             said = f"requirements=ad.Requirements.of(machine, {name}={reprlib.repr(named[name])})"
-            remedy = f"a requirement is given by {said}; help(ad.{door}) lists the arguments"
-            raise ArmDesignError(name, f"is no argument of {door}", remedy) from None
+            said = f"requirement is given by {said}; help(ad.{door}) lists the arguments"
+            remedy = f"{remedy} A {said}" if nearest(name, known) else f"a {said}"
+        raise ArmDesignError(name, f"is no argument of {door}", remedy) from None
 
 
 def refuse_unless(name: str, value: Any, annotation: str) -> None:

@@ -4,32 +4,17 @@ from __future__ import annotations
 
 from armdesign import output
 from armdesign.option_values import payload_of, pose_of
-from armdesign.options import (
-    DampingOption,
-    DurationOption,
-    FromOption,
-    PayloadOption,
-    ShapedModesOption,
-    ShaperOption,
-    ShareOption,
-    SpreadOption,
-    ToOption,
-)
-from armdesign.runs import OfMachine, command
+from armdesign.options import FromOption, PayloadOption, ToOption
+from armdesign.runs import MoveOptions, OfMachine, command
 
 
 @command
 def move(
+    plan: MoveOptions,
     run: OfMachine,
     start: FromOption,
     end: ToOption,
     payload: PayloadOption = "",
-    shaper: ShaperOption = "zvd",
-    modes: ShapedModesOption = None,
-    damping: DampingOption = None,
-    duration: DurationOption = None,
-    share: ShareOption = None,
-    spread: SpreadOption = 0.2,
 ) -> None:
     """Plan a move that does not ring, and simulate it.
 
@@ -48,18 +33,7 @@ def move(
         for words in end:
             last = pose_of(model, words, "--to", last)
             stops.append(last)
-        answer = plan_move(
-            model,
-            first,
-            stops,
-            payload=payload_of(payload),
-            shaper=shaper,
-            modes=modes,
-            damping=damping,
-            duration=duration,
-            share=share,
-            spread=spread,
-        )
+        answer = plan_move(model, first, stops, payload=payload_of(payload), **plan.settings)
     with run.writing(out) as folder:
         output.write_move(answer, folder)
     run.show(move_sheets(answer, run.units.units), tables={"residual": answer.residuals})

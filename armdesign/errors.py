@@ -136,8 +136,12 @@ def raise_together(errors: Sequence[ArmDesignError]) -> None:
 
 def choose(name: str, known: Collection[str]) -> str:
     """A remedy for a wrong name: the one that was meant, or all that there are."""
-    close = difflib.get_close_matches(name, list(known)[:MOST_NAMES], n=1)
-    if close:
-        return f'did you mean "{close[0]}"?'
+    if close := nearest(name, known):
+        return f'did you mean "{close}"?'
     more = f" and {len(known) - SHOWN_NAMES} more" if len(known) > SHOWN_NAMES else ""
     return f"choose from: {', '.join(list(known)[:SHOWN_NAMES]) or 'none'}{more}"
+
+
+def nearest(name: str, known: Collection[str]) -> str | None:
+    """The known name that is most like a wrong one; None where none is like it."""
+    return next(iter(difflib.get_close_matches(name, list(known)[:MOST_NAMES], n=1)), None)

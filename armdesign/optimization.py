@@ -9,12 +9,13 @@ the one of the largest least bandwidth is the answer.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from armdesign.arrays import Array
 from armdesign.control.least_bandwidth import (
     Places,
@@ -25,7 +26,7 @@ from armdesign.control.least_bandwidth import (
     spread,
 )
 from armdesign.design.design import Design
-from armdesign.design.optimize import SearchOptions, best_frequency
+from armdesign.design.optimize import USUAL_SEARCH, AimedSearch, SearchOptions, best_frequency
 from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
@@ -47,20 +48,17 @@ RISEN = 2e-3  # share by which the bandwidth must rise for another
 
 
 @checked
+@with_options(SearchOptions, USUAL_SEARCH)
 def optimize(
     machine: Machine,
     workspace: Workspace | None = None,
     requirements: Requirements | None = None,
     vary: Sequence[str] = ("areas", "pins"),
     *,
-    starts: int | None = None,
-    seed: int = 0,
-    workers: int = 1,
     start: Design | None = None,
-    bands: Bands | None = None,
     objective: str = "gain",
-    catalogue: str | Iterable[Sequence[float]] | None = None,
     damping: float | None = None,
+    **options: Unpack[SearchOptions],
 ) -> Design:
     """Cylinder areas and pins that raise the worst frequency over workspace and load cases.
 
@@ -85,7 +83,8 @@ def optimize(
             series with a cylinder stays as it is [m/N], whatever the new cylinder.
         objective: what rises: within bands "gain", the least of f_new/f_today over their corners,
             or "worst", the worst frequency within them; or "bandwidth", the least bandwidth of the
-            position loops with pressure feedback, see ``best_bandwidth``.
+            position loops with pressure feedback, by a local search without a ``bound`` that
+            starts from the design of the highest worst frequency.
         catalogue: "iso", "5mm" or pairs of bore and rod [m] of which every cylinder has one; pins
             then lie on whole millimetres and strokes on 5 mm. None: as ``requirements.catalogue``
             of the machine's file says. "free", or where the file says nothing: any size, pin and
@@ -112,10 +111,7 @@ def optimize(
         >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
         7.45 to 7.77 Hz
     """
-    options = SearchOptions(
-        vary=vary, starts=starts, seed=seed, workers=workers, start=start, bands=bands,
-        objective=objective, catalogue=catalogue,
-    )  # fmt: skip
+    aimed = AimedSearch(vary=vary, objective=objective, start=start, options=options)
     if objective not in (names := [*OBJECTIVES, "bandwidth"]):
         fault = f"{objective!r} is not allowed"
         raise ArmDesignError("objective", fault, choose(str(objective), names))
@@ -123,11 +119,11 @@ def optimize(
         if damping is not None:
             fault = f'means nothing where "{objective}" is to rise'
             raise ArmDesignError("damping", fault, 'leave it out, or give objective="bandwidth"')
-        return best_frequency(machine, workspace, requirements, options)
-    if bands not in (None, Bands()):
+        return best_frequency(machine, workspace, requirements, aimed)
+    if options["bands"] not in (None, Bands()):
         fault = '"bandwidth" counts with the values of the file alone'
         raise ArmDesignError("objective", fault, "leave bands out, or give another objective")
-    return best_bandwidth(machine, workspace, requirements, options, damping)
+    return best_bandwidth(machine, workspace, requirements, aimed, damping)
 
 
 def only_sizes(vary: Sequence[str], objective: str, damping: float | None = None) -> bool:
@@ -139,7 +135,7 @@ def best_bandwidth(
     machine: Machine,
     workspace: Workspace | None,
     requirements: Requirements | None,
-    options: SearchOptions,
+    aimed: AimedSearch,
     damping: float | None = None,
 ) -> Design:
     """The design of the largest least bandwidth that was found, with the values of the file.
@@ -152,7 +148,7 @@ def best_bandwidth(
         machine: today's machine; every actuator needs a valve.
         workspace: as in ``optimize``.
         requirements: as in ``optimize``.
-        options: the other arguments of ``optimize``, of which bands and objective do not count.
+        aimed: the search, of which bands and objective do not count.
         damping: as in ``bandwidth_map``.
 
     Raises:
@@ -163,19 +159,25 @@ def best_bandwidth(
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
     look = _Bandwidths.of(machine, workspace, damping)
     within = (machine, workspace, requirements)
-    options = replace(options, bands=Bands())
-    design = best_frequency(*within, replace(options, objective="worst"))
+    aimed = replace(aimed, options={**aimed.options, "bands": Bands()})
+    design = best_frequency(*within, replace(aimed, objective="worst"))
     best, reached = design, [least_bandwidth(look.today, look.today), look.least(design.machine)]
     for _ in range(RENEWALS):
-        near = replace(options, start=design, starts=1, objective=look.emphasis(design))
+        near = replace(
+            aimed,
+            start=design,
+            objective=look.emphasis(design),
+            options={**aimed.options, "starts": 1},
+        )
         design = best_frequency(*within, near)
         risen = look.least(design.machine)
         if risen <= (1 + RISEN) * max(reached):
             break
         best, reached = design, [*reached[:2], risen]
+    options = aimed.options
     command = call(
-        "optimize", vary=tuple(options.vary), seed=options.seed, starts=options.starts,
-        catalogue=options.catalogue, objective="bandwidth", damping=damping,
+        "optimize", vary=tuple(aimed.vary), seed=options["seed"], starts=options["starts"],
+        catalogue=options["catalogue"], objective="bandwidth", damping=damping,
     )  # fmt: skip
     return replace(
         best, machine=best.written_by(command), bandwidths=(reached[0], reached[1], reached[-1])

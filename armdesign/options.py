@@ -5,14 +5,11 @@ from __future__ import annotations
 import glob
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from armdesign.units import SI, WORKSHOP, Units
-
-if TYPE_CHECKING:
-    pass
 
 
 class Habit(StrEnum):

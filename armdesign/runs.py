@@ -23,6 +23,7 @@ from armdesign.option_values import bands_to_use, grid_points, offered_sizes
 from armdesign.options import (
     CatalogueOption,
     DampingOption,
+    DurationOption,
     FreeOption,
     Habit,
     JsonOption,
@@ -37,6 +38,10 @@ from armdesign.options import (
     QuietOption,
     SeedOption,
     SetOption,
+    ShapedModesOption,
+    ShaperOption,
+    ShareOption,
+    SpreadOption,
     StartsOption,
     UnitsOption,
     WorkersOption,
@@ -398,3 +403,29 @@ class AimedSearch(DrawnSearch):
     def settings(self) -> dict[str, Any]:
         """Arguments of the functions that search."""
         return {**super().settings, "objective": self.objective, "damping": self.damping}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveOptions:
+    """Options of a plan of a move.
+
+    Attributes:
+        shaper: its name.
+        modes: how many it is made for; None: the lowest ones.
+        damping: ratio that it is made for; None: the file's.
+        duration: [s]; None: the shortest.
+        share: of flow and force that is used; None: as much as does not jolt.
+        spread: share by which the payloads that are tried are lighter and heavier.
+    """
+
+    shaper: ShaperOption = "zvd"
+    modes: ShapedModesOption = None
+    damping: DampingOption = None
+    duration: DurationOption = None
+    share: ShareOption = None
+    spread: SpreadOption = 0.2
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of ``plan_move``."""
+        return dataclasses.asdict(self)

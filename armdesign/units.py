@@ -26,6 +26,7 @@ __all__ = [
     "mm",
     "ms",
     "percent",
+    "psi",
 ]
 
 mm = 1e-3
@@ -34,6 +35,7 @@ cm3 = 1e-6
 ms = 1e-3
 bar = 1e5
 MPa = 1e6
+psi = 6894.757
 kN = 1e3
 deg = math.pi / 180.0
 l_per_min = litre / 60.0

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from tests import machines
 
 ONE = machines.named("paper_1dof")
@@ -34,10 +35,12 @@ GOOD = {  # what a function cannot do without, by name
     "response": np.cos(TIME),
     "band": (1.0, 3.0),
     "segment": 2.0,
+    "urdf": ad.load("excavator_20t").urdf_text,
+    "cylinders": {},
 }
 DOORS = {
     name: getattr(ad, name) for name in ad.__all__ if inspect.isfunction(getattr(ad, name))
-} | {"Workspace.grid": ad.Workspace.grid}
+} | {"Workspace.grid": ad.Workspace.grid, "Machine.from_urdf": ad.Machine.from_urdf}
 ARGUMENTS = [
     (door, parameter.name)
     for door, function in DOORS.items()
@@ -109,3 +112,82 @@ def test_a_requirement_by_keyword_is_told_how_it_is_given(door: str) -> None:
         " requirements=ad.Requirements.of(machine, lift_share=0.9);"
         f" help(ad.{door}) lists the arguments"
     )
+
+
+@pytest.mark.parametrize("door", ["optimize", "least", "pareto", "size_cylinders", "steps"])
+def test_a_keyword_like_an_argument_may_be_either(door: str) -> None:
+    """Some are like an argument, as ``speeds`` is like ``seed``."""
+    with pytest.raises(ad.ArmDesignError) as refused:
+        DOORS[door](ONE, catalog="iso")
+    assert str(refused.value) == (
+        f'catalog: is no argument of {door}; did you mean "catalogue"? A requirement is given by'
+        " requirements=ad.Requirements.of(machine, catalog='iso');"
+        f" help(ad.{door}) lists the arguments"
+    )
+
+
+@pytest.mark.parametrize(
+    ("door", "meant", "wrong"),
+    [
+        ("simulate", "velocity", "velocities"),
+        ("plan_move", "shaper", "shapers"),
+        ("sweep", "workers", "worker"),
+        ("Machine.from_urdf", "payloads", "payload"),
+    ],
+)
+def test_an_unknown_option_is_told_the_nearest(door: str, meant: str, wrong: str) -> None:
+    """Options that functions share are judged as if they stood in the signature."""
+    function = DOORS[door]
+    text = refusal(function, wrong, None)
+    assert text == f'{wrong}: is no argument of {function.__name__}; did you mean "{meant}"?'
+    assert "choose from: " in refusal(function, "xyz", None)
+
+
+@pytest.mark.parametrize(
+    ("left_out", "words"),
+    [
+        (("density",), "missing 1 required keyword-only argument: 'density'"),
+        (("leakage", "density"), "2 required keyword-only arguments: 'leakage' and 'density'"),
+        (("area", "leakage", "density"), "arguments: 'area', 'leakage', and 'density'"),
+    ],
+)
+def test_a_missing_option_is_pythons_own_error(left_out: tuple[str, ...], words: str) -> None:
+    function = ad.formulas.transfer_function
+    given = dict.fromkeys(inspect.signature(function).parameters, 1.0)
+    function(**given)
+    with pytest.raises(TypeError, match=f"^transfer_function.*{words}$"):
+        function(**{name: x for name, x in given.items() if name not in left_out})
+
+
+def test_options_stand_in_the_signature() -> None:
+    """With their types and defaults, as in a function that spells them out."""
+
+    class Options(TypedDict, total=False):
+        number: int
+        word: str | None
+
+    @checked
+    @with_options(Options, {"number": 3, "word": None})
+    def function(one: float, *, two: float = 2.0, **options: Unpack[Options]) -> Any:
+        return one, two, options
+
+    def spelled(
+        one: float, *, two: float = 2.0, number: int = 3, word: str | None = None
+    ) -> Any: ...
+
+    assert inspect.signature(function) == inspect.signature(spelled)
+    assert function(1.0, word="a") == (1.0, 2.0, {"number": 3, "word": "a"})
+    with pytest.raises(ad.ArmDesignError, match=r"^numbr: .*did you mean \"number\"\?$"):
+        function(1.0, numbr=2)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"missing 1 required positional argument: 'one'"):
+        function(number=2)  # type: ignore[call-arg]
+
+
+def test_conditions_of_a_run_are_fields_of_its_case() -> None:
+    fields = {f.name: (f.type, f.default) for f in dataclasses.fields(ad.SimulationCase)}
+    options = inspect.signature(ad.simulate).parameters.values()
+    assert fields == {
+        p.name: (p.annotation, dataclasses.MISSING if p.default is p.empty else p.default)
+        for p in options
+        if p.name != "tolerance"
+    }

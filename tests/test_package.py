@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import inspect
 import subprocess
 import sys
 from functools import cache
 from graphlib import TopologicalSorter
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -169,6 +172,28 @@ def test_files_and_functions_are_short(folder: str) -> None:
                 assert lines < 40, f"{path}: {node.name}"
 
 
+@pytest.mark.parametrize("folder", ["armdesign", "benchmarks", "studies", "tests"])
+def test_functions_have_few_parameters(folder: str) -> None:
+    """At most 8; options that belong together are a ``TypedDict`` or a group of ``runs``."""
+    for path, tree in parsed(ROOT / folder).items():
+        for node in nodes(tree):
+            if isinstance(node, ast.FunctionDef):
+                own = [name for name in parameters(node) if name not in ("self", "cls")]
+                assert len(own) <= 8, f"{path}: {node.name}"
+
+
+def test_options_of_functions_are_spelled_out() -> None:
+    """Python lets any keyword pass that ``**options`` takes; ``with_options`` does not."""
+    for module, tree in sources().items():
+        for node in nodes(tree):
+            if isinstance(node, ast.FunctionDef) and (kind := unpacked(node)):
+                calls = [one for one in node.decorator_list if isinstance(one, ast.Call)]
+                kinds = [
+                    ast.unparse(one.args[0]) for one in calls if "with_options" in ast.dump(one)
+                ]
+                assert kinds == [kind], f"{module}.{node.name}"
+
+
 def test_every_room_is_there() -> None:
     assert {room_of(module) for module in sources()} == set(range(len(ROOMS)))
 
@@ -297,6 +322,21 @@ def parameters(function: ast.FunctionDef) -> list[str]:
     return [a.arg for a in (*known, arguments.vararg, arguments.kwarg) if a]
 
 
+def unpacked(function: ast.FunctionDef) -> str:
+    """The ``TypedDict`` whose keys a function takes, ``**options: Unpack[…]``; empty: none."""
+    last = function.args.kwarg
+    match last and last.annotation:
+        case ast.Subscript(value=ast.Name(id="Unpack"), slice=kind):
+            return ast.unparse(kind)
+    return ""
+
+
+def spelled_out(module: str, name: str) -> set[str]:
+    """Arguments that a function shows, options that it shares with others among them."""
+    function = attrgetter(name)(importlib.import_module(f"armdesign.{module}"))
+    return set(inspect.signature(function).parameters)
+
+
 def fields(kind: ast.ClassDef) -> set[str]:
     """Names of attributes and methods, and of what is assigned in ``__init__``."""
     typed = (f.target for f in kind.body if isinstance(f, ast.AnnAssign))
@@ -321,8 +361,8 @@ def test_docstrings_say_what_the_code_has() -> None:
             assert first.rstrip()[-1] in ".:;?!", f"{module}.{name}: {first}"
             listed = set(section(text, "Args"))
             if isinstance(node, ast.FunctionDef):
-                known = set(parameters(node))
-                if node.args.kwarg is None and listed:
+                known = spelled_out(module, name) if unpacked(node) else set(parameters(node))
+                if listed and (node.args.kwarg is None or unpacked(node)):
                     assert known - {"self", "cls"} == listed, f"{module}.{name}"
             else:
                 known = fields(node)

@@ -37,6 +37,6 @@ def test_units_show_what_is_meant_for_others() -> None:
     """No imports and no helpers; every factor that a file's units need."""
     shown = {name for name in dir(ad.units) if not name.startswith("_")}
     assert shown == set(ad.units.__all__)
-    assert {"mm", "deg", "bar", "MPa", "litre", "l_per_min", "kN"} <= shown
+    assert {"mm", "deg", "bar", "MPa", "litre", "l_per_min", "kN", "psi"} <= shown
     assert not {"annotations", "dataclass", "Mapping", "math"} & shown
     assert all(hasattr(ad.units, name) for name in shown)

@@ -22,7 +22,7 @@ DIGITS = 4  # of the margins told, rounded down
 def no_gains_keep(
     machine: Machine, parts: Sequence[MapPart], options: ControlOptions
 ) -> ArmDesignError:
-    """That no gains keep the margin at any pose, and the largest that some keep."""
+    """The error that no gains keep the margin at any pose, with the largest that some keep."""
     asked = options.aim.margin
     fault = (
         f"no gains keep {options.gain_margin_db:g} dB and {options.phase_margin / deg:.6g} deg"

@@ -13,13 +13,13 @@ repeated: sizes that need less are sizes that reach more under the same limit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from armdesign.design.catalogue.alternation import (
     improve_in_turn,
     refuse_fixed_sizes,
@@ -30,6 +30,7 @@ from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.design import Design, Outcome
 from armdesign.design.kept_designs import finished_design
+from armdesign.design.optimize import USUAL_SEARCH, SearchOptions
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
@@ -59,6 +60,7 @@ ROOM = (0.0, 3e-4, 1e-3, 2e-3, 4e-3, 8e-3, 0.016, 0.032, 0.064, 0.128, 0.256)
 
 
 @checked
+@with_options(SearchOptions, USUAL_SEARCH)
 def least(
     machine: Machine,
     workspace: Workspace | None = None,
@@ -67,11 +69,7 @@ def least(
     frequency: float,
     of: str = "oil",
     vary: Sequence[str] = ("areas", "pins"),
-    starts: int | None = None,
-    seed: int = 0,
-    workers: int = 1,
-    bands: Bands | None = None,
-    catalogue: str | Iterable[Sequence[float]] | None = None,
+    **options: Unpack[SearchOptions],
 ) -> Design:
     """The machine of a given worst frequency that needs least oil, pump flow or steel.
 
@@ -113,6 +111,8 @@ def least(
         raise ArmDesignError("of", f'"{of}" is not allowed', f"give one of {', '.join(AMOUNTS)}")
     if not (math.isfinite(frequency) and frequency > 0):
         raise ArmDesignError("frequency", f"{frequency:g} Hz is not allowed", "give a number > 0")
+    starts, seed, workers = options["starts"], options["seed"], options["workers"]
+    bands, catalogue = options["bands"], options["catalogue"]
     problem, sizes = formulate_with_sizes(
         machine, workspace, requirements, vary,
         bands=bands, objective="worst", catalogue=catalogue,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypedDict
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array
@@ -26,28 +27,50 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SearchOptions:
-    """What is searched for, and how; attributes as the arguments of ``optimize``.
+class SearchOptions(TypedDict, total=False):
+    """How a design is searched for: what ``optimize``, ``least`` and ``pareto`` share."""
 
-    Instead of a name ``objective`` may say by how much frequencies count at poses and load cases.
-    """
-
-    vary: Sequence[str]
     starts: int | None
     seed: int
     workers: int
     bands: Bands | None
-    objective: str | Emphasis
     catalogue: str | Iterable[Sequence[float]] | None
+
+
+USUAL_SEARCH: SearchOptions = {
+    "starts": None,
+    "seed": 0,
+    "workers": 1,
+    "bands": None,
+    "catalogue": None,
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AimedSearch:
+    """A search for the best design; the terms are those of ``optimize``.
+
+    Attributes:
+        vary: what may change.
+        objective: what rises; instead of its name, by how much frequencies count at poses and
+            load cases.
+        start: a design to start from.
+        options: how it is searched for, all of them.
+    """
+
+    vary: Sequence[str]
+    objective: str | Emphasis
     start: Design | None = None
+    options: SearchOptions
 
     @property
     def command(self) -> str:
         """The call of ``optimize`` that searches so."""
+        options = self.options
         return call(
-            "optimize", vary=tuple(self.vary), starts=self.starts, seed=self.seed,
-            bands=self.bands, objective=_stated(self.objective), catalogue=self.catalogue,
+            "optimize", vary=tuple(self.vary), starts=options["starts"], seed=options["seed"],
+            bands=options["bands"], objective=_stated(self.objective),
+            catalogue=options["catalogue"],
         )  # fmt: skip
 
 
@@ -55,7 +78,7 @@ def best_frequency(
     machine: Machine,
     workspace: Workspace | None,
     requirements: Requirements | None,
-    options: SearchOptions,
+    aimed: AimedSearch,
 ) -> Design:
     """The design of the highest lowest frequency, as ``optimize`` has it.
 
@@ -63,23 +86,23 @@ def best_frequency(
         ArmDesignError: as ``optimize``.
         InfeasibleError: as ``optimize``.
     """
-    start, command = options.start, options.command
+    start, command, options = aimed.start, aimed.command, aimed.options
     problem, sizes = formulate_with_sizes(
-        machine, workspace, requirements, options.vary,
-        bands=options.bands, objective=options.objective, catalogue=options.catalogue,
+        machine, workspace, requirements, aimed.vary,
+        bands=options["bands"], objective=aimed.objective, catalogue=options["catalogue"],
     )  # fmt: skip
     if start is not None and _names(start.today) != _names(machine):
         fault = f"is a design of {start.today.name}, not of {machine.name}"
         raise ArmDesignError("start", fault, "give one of it")
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
-    how = options.starts, options.seed, options.workers
+    how = options["starts"], options["seed"], options["workers"]
 
     def under(problem: Problem) -> Outcome:
         return outcome_of(problem, sizes, *how, given)
 
     def design() -> Design:
-        found = design_or_proof(problem, under, sizes is not None)
-        return Design.of(found, command=command)
+        outcome = design_or_proof(problem, under, sizes is not None)
+        return Design.of(outcome, command=command)
 
     identity = [command, repr(sizes), given and [given[0].tolist(), repr(given[1])]]
     return finished_design(Design, problem, identity, design)
@@ -165,8 +188,8 @@ def size_cylinders(
         return Outcome.of(search, Starts((hertz(search.squared),)))
 
     def design() -> Design:
-        found = design_or_proof(problem, under, sizes is not None)
-        return Design.of(found, command=command)
+        outcome = design_or_proof(problem, under, sizes is not None)
+        return Design.of(outcome, command=command)
 
     return finished_design(Design, problem, [command, repr(sizes)], design)
 

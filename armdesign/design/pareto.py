@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design
-from armdesign.design.optimize import SearchOptions, best_frequency
+from armdesign.design.optimize import USUAL_SEARCH, AimedSearch, SearchOptions, best_frequency
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
@@ -110,6 +110,7 @@ class Pareto:
 
 
 @checked
+@with_options(SearchOptions, USUAL_SEARCH)
 def pareto(
     machine: Machine,
     workspace: Workspace | None = None,
@@ -118,12 +119,8 @@ def pareto(
     values: Sequence[float] | None = None,
     vary: Sequence[str] = ("areas", "pins"),
     *,
-    starts: int | None = None,
-    seed: int = 0,
-    workers: int = 1,
-    bands: Bands | None = None,
     objective: str = "gain",
-    catalogue: str | Iterable[Sequence[float]] | None = None,
+    **options: Unpack[SearchOptions],
 ) -> Pareto:
     """The best worst frequency under each value of one limit, all others as they are.
 
@@ -168,17 +165,13 @@ def pareto(
     if against == "digging" and not requirements.digging:
         fault, remedy = "no cylinder's digging force counts", "name some in requirements.digging"
         raise ArmDesignError("against", fault, remedy)
-    sizes_and_grid(machine, catalogue)  # refused before anything is searched
+    sizes_and_grid(machine, options["catalogue"])  # refused before anything is searched
     limits = _limits(machine, workspace, requirements, against, values)
-
-    options = SearchOptions(
-        vary=vary, starts=starts, seed=seed, workers=workers, bands=bands,
-        objective=objective, catalogue=catalogue,
-    )  # fmt: skip
+    aimed = AimedSearch(vary=vary, objective=objective, options=options)
 
     def best(limit: float, tighter: Design | None) -> Design:
         limited = _limited(requirements, against, limit)
-        return best_frequency(machine, workspace, limited, replace(options, start=tighter))
+        return best_frequency(machine, workspace, limited, replace(aimed, start=tighter))
 
     return _front(machine, against, limits, best)
 

@@ -67,9 +67,9 @@ def bodies(machine: Machine, plane: PicturePlane) -> tuple[DrawnBody, ...]:
             "pins": [_hull(own, HULL * size)],
         }
         source = next((s for s in SOURCES if any(not shape.is_empty for shape in seen[s])), "pins")
-        back = _back(plane, links[0])
+        to_plate = _to_plate(plane, links[0])
         polygons = (p for shape in seen[source] for p in _polygons(shape, FINE * size))
-        corners = tuple(placed(back, polygon) for polygon in polygons)
+        corners = tuple(placed(to_plate, polygon) for polygon in polygons)
         drawn.append(DrawnBody(link=links[0], links=links, source=source, polygons=corners))
     return tuple(drawn)
 
@@ -120,7 +120,7 @@ def lines_of(shape: Any, least: float) -> list[Array]:
     return [np.array(ring.coords) for ring in wide]
 
 
-def _back(plane: PicturePlane, link: str) -> Array:
+def _to_plate(plane: PicturePlane, link: str) -> Array:
     """Matrix (2, 3) from the picture, all joints at 0, to a link's plate."""
     matrix = plane.placements(plane.zero, link)[0]
     inverse = np.linalg.pinv(matrix[:, :2])

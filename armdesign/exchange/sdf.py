@@ -1,7 +1,7 @@
 """A machine as SDF at one pose, with cylinders and four-bars whose loops are closed.
 
 SDF allows joints that close loops, so that rods end on their pins by joints of their own. Joints
-are 0 at the pose, and limits are told from there. Frozen joints are fixed. Loads are left out, as
+are 0 at the pose, and limits count from there. Frozen joints are fixed. Loads are left out, as
 in a URDF.
 """
 
@@ -20,7 +20,7 @@ from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
 from armdesign.exchange.urdf import centre, folder_of, urdf
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.urdf import attribute, roll_pitch_yaw, rotations
+from armdesign.mechanism.urdf import attribute, of_roll_pitch_yaw, roll_pitch_yaw
 from armdesign.mechanism.urdf_faults import numbers
 
 if TYPE_CHECKING:
@@ -172,8 +172,7 @@ def _add_axis(joint: ET.Element, axis: ArrayLike, limits: tuple[float, float] | 
 def _add_body(model: ET.Element, body: CylinderBody) -> None:
     """A body of a cylinder or four-bar, its joint, and the joint that closes its loop."""
     link = ET.SubElement(model, "link", name=body.name)
-    roll, pitch, yaw = body.turn
-    _add_pose(link, np.array(body.place), _rotation(roll, pitch, yaw), body.parent)
+    _add_pose(link, np.array(body.place), of_roll_pitch_yaw(*body.turn), body.parent)
     length = body.bar[1] - body.bar[0]
     mass = body.mass or LIGHT
     across = max(mass * length**2 / 12, LIGHT_INERTIA)
@@ -184,7 +183,7 @@ def _add_body(model: ET.Element, body: CylinderBody) -> None:
         shape = Visual(
             kind="cylinder",
             size=np.array([body.diameter / 2, span]),
-            rotation=_rotation(0.0, np.pi / 2, 0.0),
+            rotation=of_roll_pitch_yaw(0.0, np.pi / 2, 0.0),
             translation=np.array([sum(body.span) / 2, offset, 0.0]),
             colour=body.colour,
         )
@@ -192,14 +191,6 @@ def _add_body(model: ET.Element, body: CylinderBody) -> None:
     kind = "prismatic" if body.kind == "prismatic" else "revolute"
     _add_axis(_joint(model, body.name, kind, body.parent, body.name), body.axis, body.limits)
     if body.closes is not None:
-        # a ball: a hinge more in a loop that is closed already would hold it twice
+        # a ball: the loop's hinges keep it in its plane already, one more would be redundant
         joint = _joint(model, f"{body.name}_end", "ball", body.closes, body.name)
         ET.SubElement(joint, "pose").text = attribute([*body.end, 0.0, 0.0, 0.0])
-
-
-def _rotation(roll: float, pitch: float, yaw: float) -> Array:
-    """Rotation matrix (3, 3) of roll, pitch and yaw [rad]."""
-    matrix = np.eye(3)
-    for axis, angle in zip(np.eye(3), (roll, pitch, yaw), strict=True):
-        matrix = rotations(axis, np.array([angle]))[0] @ matrix
-    return matrix

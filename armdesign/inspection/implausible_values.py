@@ -16,7 +16,7 @@ import numpy as np
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.inspection.yardstick import Finding, Yardstick
 from armdesign.machine.assembly_faults import TURN, cause_of, place_in_urdf
-from armdesign.machine.file.likely_values import USUAL, meant, rounded, usual
+from armdesign.machine.file.likely_values import USUAL, is_usual_at, likely_units, rounded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.urdf_faults import line_of, numbers
 from armdesign.units import deg, mm
@@ -63,10 +63,10 @@ def of_usual(yardstick: Yardstick) -> Iterator[Finding]:
     """Numbers outside of what machines have that are inside it in another unit."""
     for path, value in yardstick.values.items():
         keys = tuple(path.split("."))
-        if keys[-1] not in USUAL or isinstance(value, str) or not value or usual(keys)(value):
+        if keys[-1] not in USUAL or isinstance(value, str) or not value:
             continue
-        if not _is_allowed_odd(yardstick, path, value):
-            yield from yardstick.in_other_unit(path, usual(keys))
+        if not is_usual_at(keys)(value) and not _is_allowed_odd(yardstick, path, value):
+            yield from yardstick.in_other_unit(path, is_usual_at(keys))
 
 
 def _is_allowed_odd(yardstick: Yardstick, path: str, value: float) -> bool:
@@ -146,7 +146,7 @@ def of_cylinders(yardstick: Yardstick) -> Iterator[Finding]:
     for i, cylinder in enumerate(yardstick.machine.cylinders):
         path, span, factor = f"cylinder.{cylinder.name}.bore_mm", yardstick.span(i), 1.0
         plausible = _plausible_bore(cylinder, span, yardstick.shares.get(cylinder.name, 0.0))
-        if other := meant(tuple(path.split(".")), cylinder.bore / mm, plausible):
+        if other := likely_units(tuple(path.split(".")), cylinder.bore / mm, plausible):
             factor = other.values[0] * mm / cylinder.bore
             why = f"the pins are up to {span / mm:.4g} mm apart"
             yield from yardstick.in_other_unit(path, plausible, why)
@@ -198,7 +198,7 @@ def of_motors(yardstick: Yardstick) -> Iterator[Finding]:
     """Trapped volumes beside the displacement."""
     for name, motor in yardstick.machine.section.motor.items():
         turn = motor.count * motor.displacement_cm3 / 1e3
-        if not usual(("displacement_cm3",))(motor.displacement_cm3):
+        if not is_usual_at(("displacement_cm3",))(motor.displacement_cm3):
             continue
         for side in ("a", "b"):
             if not _within(getattr(motor.trapped_volume_l, side) / turn, PER_TURN):
@@ -240,13 +240,13 @@ def _of_pose(yardstick: Yardstick, path: str, joints: Mapping[str, float]) -> It
 def of_flow(yardstick: Yardstick) -> Iterator[Finding]:
     """A pump flow in l/s: a small pump that needs minutes to fill the cylinders."""
     pump, seconds = yardstick.machine.section.supply.flow_l_per_min, _filling_time(yardstick)
-    is_small = usual(("flow_l_per_min",))(pump) and pump < SMALL_PUMP
+    is_small = is_usual_at(("flow_l_per_min",))(pump) and pump < SMALL_PUMP
     if is_small and SLOW < seconds < 60 * QUICK:
         words = f"{rounded(pump)} l/min looks like l/s ({seconds:.0f} s to fill the cylinders)"
         yield yardstick.finding("supply.flow_l_per_min", words, f"write {rounded(60 * pump)}")
     for path, value in yardstick.values.items():
         small = path.endswith(".rated_flow_l_per_min") and value < VALVE * pump
-        if small and usual(tuple(path.split(".")))(value):
+        if small and is_usual_at(tuple(path.split(".")))(value):
             yield from yardstick.in_other_unit(
                 path, lambda x: _within(x / pump, VALVES), f"the pump gives {pump:g} l/min"
             )

@@ -18,7 +18,7 @@ from armdesign.arrays import Array
 from armdesign.machine.assembly_faults import LARGEST_ARM, TURN, Cause
 from armdesign.machine.file import machine_file
 from armdesign.machine.file.key_paths import unit_of
-from armdesign.machine.file.likely_values import meant, rounded
+from armdesign.machine.file.likely_values import likely_units, rounded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.urdf import Joint
@@ -150,7 +150,7 @@ class Yardstick:
     ) -> Iterator[Finding]:
         """A finding if the number at a key path would be plausible in another unit."""
         keys, value = tuple(path.split(".")), float(self.values[path])
-        if other := meant(keys, value, plausible):
+        if other := likely_units(keys, value, plausible):
             words = f"{rounded(value)} {unit_of(keys).strip()} looks like {other.unit}"
             yield self.finding(path, f"{words}{why and f' ({why})'}", other.remedy)
 

@@ -6,7 +6,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from armdesign.errors import MachineFileError
 from armdesign.machine.file import machine_file
@@ -17,10 +17,38 @@ from armdesign.mechanism.urdf_faults import MOVABLE
 from armdesign.text_files import LARGEST_URDF
 
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
-PLURAL = {"cylinder": "cylinders", "payload": "payloads", "motor": "motors"}  # arguments
 BANDS = {"structure": [0.0, 1.0]}
 OF_BANDS = "what is not known exactly: an estimate, replace it where something was measured"
 SUPPLY = {"pressure_bar": 250.0, "return_pressure_bar": 5.0, "flow_l_per_min": 100.0}
+ARGUMENTS = {  # of ``Machine.from_urdf`` by the table's key, in the order of the file
+    "frozen": "frozen",
+    "tool": "tool",
+    "payload": "payloads",
+    "fluid": "fluid",
+    "supply": "supply",
+    "cylinder": "cylinders",
+    "motor": "motors",
+    "spring": "springs",
+    "requirements": "requirements",
+    "bands": "bands",
+}
+
+
+class Tables(TypedDict, total=False):
+    """Tables of a machine file that ``Machine.from_urdf`` takes beside those of cylinders."""
+
+    frozen: Mapping[str, float] | None
+    payloads: Mapping[str, Any] | None
+    tool: Mapping[str, Any] | None
+    fluid: Mapping[str, Any] | None
+    supply: Mapping[str, Any] | None
+    requirements: Mapping[str, Any] | None
+    motors: Mapping[str, Any] | None
+    springs: Mapping[str, Any] | None
+    bands: Mapping[str, Any] | None
+
+
+NO_TABLES = dict.fromkeys(Tables.__annotations__)
 
 
 def read(urdf: str | Path) -> tuple[str, Path]:
@@ -32,7 +60,7 @@ def read(urdf: str | Path) -> tuple[str, Path]:
     if isinstance(urdf, str) and "<" in urdf:
         return urdf, Path(f"{_usable_name(_robot(urdf, 'urdf').get('name', ''))}.urdf")
     if not isinstance(urdf, str | Path):
-        fault = f"a {type(urdf).__name__} is not allowed"
+        fault = f"type {type(urdf).__name__} is not allowed"
         raise MachineFileError("urdf", fault, "give a path or the URDF's text")
     path = Path(urdf)
     return machine_file.read_text(path, LARGEST_URDF), path
@@ -53,17 +81,18 @@ def machine_text(
         name: of the machine; None: the URDF's file name.
         joints: the coordinates; None: every movable joint that a cylinder spans or a motor turns,
             from the root outwards.
-        tables: tables of the machine file by their keys; None, or missing: the default.
+        tables: tables of the machine file by the names of arguments; None: the default.
 
     Raises:
         MachineFileError: no well-formed XML, or something that is no table.
     """
-    given = {key: value for key, value in tables.items() if value is not None}
+    keyed = {key: tables[argument] for key, argument in ARGUMENTS.items()}
+    given = {key: value for key, value in keyed.items() if value is not None}
     for key, value in given.items():
         if not isinstance(value, Mapping):
             remedy = "expected {key: value} as in a machine file"
-            fault = f"a {type(value).__name__} is not allowed"
-            raise MachineFileError(PLURAL.get(key, key), fault, remedy)
+            fault = f"type {type(value).__name__} is not allowed"
+            raise MachineFileError(ARGUMENTS[key], fault, remedy)
     robot = _robot(urdf_text, path.name)
     if joints is None:
         joints = _driven(robot, given.get("cylinder", {}), given.get("motor", {}))
@@ -72,7 +101,7 @@ def machine_text(
         "name": _usable_name(path.stem) if name is None else name,
         "urdf": path.name,
         "joints": joints,
-        **tables,
+        **keyed,
         "tool": given.get("tool") or {"link": _outermost(robot, joints), "at_mm": [0.0, 0.0, 0.0]},
         "payload": given.get("payload") or {"empty": {"mass_kg": 0.0}},
         "fluid": {**FLUID, **given.get("fluid", {})},

@@ -93,7 +93,7 @@ def case_of_mass(mass: float, cases: Iterable[LoadCase], machine: str) -> LoadCa
     """
     part, first, *others = f"{machine}: payload", *cases
     if isinstance(mass, bool) or not isinstance(mass, int | float | np.number):
-        fault = f"a {type(mass).__name__} is not allowed"
+        fault = f"type {type(mass).__name__} is not allowed"
         raise ArmDesignError(part, fault, "give a name or a mass [kg]")
     if not (math.isfinite(mass) and mass >= 0):
         raise ArmDesignError(part, f"{mass:g} kg is not allowed", "give a mass in [0, ∞) kg")

@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arguments import checked, with_options
 from armdesign.arrays import Array, Flags, chunks, side_by_side, stacked
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
@@ -148,6 +149,8 @@ class Machine:
         )
 
     @classmethod
+    @checked
+    @with_options(from_urdf.Tables, from_urdf.NO_TABLES)
     def from_urdf(
         cls,
         urdf: str | Path,
@@ -155,15 +158,7 @@ class Machine:
         *,
         name: str | None = None,
         joints: Iterable[str] | None = None,
-        frozen: Mapping[str, float] | None = None,
-        payloads: Mapping[str, Any] | None = None,
-        tool: Mapping[str, Any] | None = None,
-        fluid: Mapping[str, Any] | None = None,
-        supply: Mapping[str, Any] | None = None,
-        requirements: Mapping[str, Any] | None = None,
-        motors: Mapping[str, Any] | None = None,
-        springs: Mapping[str, Any] | None = None,
-        bands: Mapping[str, Any] | None = None,
+        **tables: Unpack[from_urdf.Tables],
     ) -> Machine:
         """A machine from a URDF that already exists; tables as in a machine file, in its units.
 
@@ -187,11 +182,9 @@ class Machine:
         Raises:
             MachineFileError: what is wrong, such as a planar, floating or mimicking joint.
         """
-        tables = {"frozen": frozen, "tool": tool, "payload": payloads, "fluid": fluid}
-        tables |= {"supply": supply, "cylinder": cylinders, "motor": motors, "spring": springs}
-        tables |= {"requirements": requirements, "bands": bands}
         urdf_text, path = from_urdf.read(urdf)
-        text = from_urdf.machine_text(urdf_text, path, name, joints, tables)
+        given = {"cylinders": cylinders, **tables}
+        text = from_urdf.machine_text(urdf_text, path, name, joints, given)
         source = path.with_suffix(".toml")
         with lines_of("", source.name):  # the text is not the caller's
             return cls.from_text(text, urdf_text, source)

@@ -117,7 +117,7 @@ def _nearest(
 
 
 def _whole(machine: Machine, point: Pin, joints: tuple[int, ...], q: Array, place: Array) -> Array:
-    """Reached place on whole millimetres nearest to one at the rim of the reach; or the latter."""
+    """The nearest place within reach on whole millimetres; without one, the given place."""
     shifts = np.array(list(itertools.product(range(-AROUND, AROUND + 1), repeat=2)))
     whole = (np.rint(place / mm) + shifts) * mm
     _, which = poses_reaching(machine, point, joints, q, whole)

@@ -20,7 +20,7 @@ from armdesign.units import mm
 def tipping_masses(machine: Machine, rigid: RigidPoses, ahead: Array) -> Array:
     """Mass (n,) [kg] that tips the machine; infinite where the point is between the lines.
 
-    None remains where the arm alone tips it. Without ``[stability]`` nothing tips.
+    0 where the arm alone tips it. Without ``[stability]`` nothing tips.
 
     Args:
         machine: stability, masses.

@@ -130,6 +130,15 @@ def roll_pitch_yaw(rotation: Array) -> Array:
     return np.array([roll, pitch, yaw])
 
 
+def of_roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Array:
+    """Rotation matrix (3, 3) of angles [rad] about x, then y, then z, as in ``rpy``."""
+    x, y, z = (
+        rotations(axis, np.array([angle]))[0]
+        for axis, angle in zip(np.eye(3), (roll, pitch, yaw), strict=True)
+    )
+    return np.asarray(z @ y @ x)
+
+
 def turned(rotation: Array, vector: Array) -> Array:
     """A vector (3,), or one for each row (n, 3), turned by rotation matrices (n, 3, 3): (n, 3)."""
     if vector.ndim > 1:
@@ -140,9 +149,8 @@ def turned(rotation: Array, vector: Array) -> Array:
 def origin(element: ET.Element) -> tuple[Array, Array]:
     """Rotation (3, 3) and translation (3,) [m] of an element's frame."""
     origin = element.find("origin")
-    roll, pitch, yaw = numbers(origin, "rpy", "0 0 0")
-    turn = [rotations(np.eye(3)[i], np.array([a]))[0] for i, a in enumerate((roll, pitch, yaw))]
-    return turn[2] @ turn[1] @ turn[0], numbers(origin, "xyz", "0 0 0")
+    turn = of_roll_pitch_yaw(*numbers(origin, "rpy", "0 0 0"))
+    return turn, numbers(origin, "xyz", "0 0 0")
 
 
 def _axis(joint: ET.Element) -> Array:

@@ -14,11 +14,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
@@ -45,20 +46,38 @@ ROUNDING = 1e-6  # of a duration that is the shortest, as printed
 TOLERANCE = 1e-6  # of the runs
 
 
+class MoveOptions(TypedDict, total=False):
+    """How a move is shaped, how fast it is, and under what it is tried."""
+
+    shaper: str | Shaper
+    modes: int | None
+    damping: float | None
+    duration: float | None
+    share: float | None
+    spread: float
+    settled: float
+
+
+USUAL_MOVE: MoveOptions = {
+    "shaper": "zvd",
+    "modes": None,
+    "damping": None,
+    "duration": None,
+    "share": None,
+    "spread": 0.2,
+    "settled": 5 * mm,
+}
+
+
 @checked
+@with_options(MoveOptions, USUAL_MOVE)
 def plan_move(
     machine: Machine,
     start: ArrayLike,
     end: ArrayLike,
     *,
     payload: str | float | None = None,
-    shaper: str | Shaper = "zvd",
-    modes: int | None = None,
-    damping: float | None = None,
-    duration: float | None = None,
-    share: float | None = None,
-    spread: float = 0.2,
-    settled: float = 5 * mm,
+    **options: Unpack[MoveOptions],
 ) -> Move:
     """Plan a move from pose to pose, and run it in the nonlinear simulation.
 
@@ -96,23 +115,24 @@ def plan_move(
         >>> move.shaped.residual < 0.05 * move.unshaped.residual
         True
     """
+    duration, share, settled = options["duration"], options["share"], options["settled"]
     shares = SHARES[: None if duration is None else 1] if share is None else (share,)
-    _refuse_options(machine, {"share": shares[0], "spread": spread, "settled": settled}, modes)
+    _refuse_options(machine, shares[0], options)
     model = machine if payload is None else machine.with_payload(payload)
     poses = np.vstack([joint_positions(model, start), joint_positions(model, end)])
     refuse_spilling(model, poses)
     refuse_overcome(Plant(at_rest(model, poses[0])), model.at(poses))
-    masses = _masses(model, spread)
+    masses = _masses(model, options["spread"])
 
     def planned(share: float) -> Move:
         fastest = [fastest_leg(model, *pair, share) for pair in pairwise(poses)]
         legs = fastest if duration is None else _within(model, fastest, duration)
         way = way_modes(model, legs)
+        shaper, paces = options["shaper"], None
         if isinstance(shaper, str):
-            chosen, paces = shaper_for(shaper, way, masses, modes, damping)
-        else:
-            chosen, paces = shaper, None
-        move = _move(way, poses, chosen, paces, share)
+            modes, damping = options["modes"], options["damping"]
+            shaper, paces = shaper_for(shaper, way, masses, modes, damping)
+        move = _move(way, poses, shaper, paces, share)
         shortest = sum(leg.law.duration for leg in fastest)
         runs = _runs(move, masses, settled)
         return replace(move, shortest=shortest, tolerance=settled, runs=runs)
@@ -131,17 +151,16 @@ def _calmest(planned: Callable[[float], Move], shares: Sequence[float]) -> Move:
     return replace(best, faster=None if best is moves[0] else moves[0])
 
 
-def _refuse_options(machine: Machine, options: dict[str, float], modes: int | None) -> None:
-    """Refuse options out of their range."""
-    allowed = {"share": "[0.01, 1]", "spread": "[0, 1)", "settled": "(0, inf)"}
-    for name, value in options.items():
-        within = {
-            "share": 0.01 <= value <= 1,
-            "spread": 0 <= value < 1,
-            "settled": 0 < value < math.inf,
-        }
-        if not within[name]:
-            fault = f"{value:g} is not in {allowed[name]}"
+def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> None:
+    """Refuse a share and options out of their range."""
+    spread, settled, modes = options["spread"], options["settled"], options["modes"]
+    for name, value, interval, within in (
+        ("share", share, "[0.01, 1]", 0.01 <= share <= 1),
+        ("spread", spread, "[0, 1)", 0 <= spread < 1),
+        ("settled", settled, "(0, inf)", 0 < settled < math.inf),
+    ):
+        if not within:
+            fault = f"{value:g} is not in {interval}"
             raise ArmDesignError(f"{machine.name}: move: {name}", fault, "give one in it")
     if modes is not None and modes < 1:
         raise ArmDesignError(

@@ -6,10 +6,11 @@ Symbols, assumptions and source: see ``formulas``, where all equations of the pa
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
+from armdesign.arguments import with_options
 from armdesign.arrays import Numbers
 from armdesign.frequency.modes import hertz
 from armdesign.paper.arguments import numbers
@@ -17,7 +18,6 @@ from armdesign.paper.mechanism import joint_inertia, moment_arm
 from armdesign.paper.rigid_load import spring_stiffness
 from armdesign.units import GRAVITY
 
-MECHANISM = "load_mass", "link_pin_distance", "base_pin_distance", "link_length"
 SPRING = "stiffness", "area", "chamber_volume", "bulk_modulus"
 
 
@@ -110,20 +110,29 @@ class TransferFunction(NamedTuple):
     H: Numbers
 
 
-def transfer_function_as_printed(
-    *,
-    load_mass: Numbers,
-    link_pin_distance: Numbers,
-    base_pin_distance: Numbers,
-    link_length: Numbers,
-    area: Numbers,
-    chamber_volume: Numbers,
-    bulk_modulus: Numbers,
-    leakage: Numbers,
-    valve_gain: Numbers,
-    supply_pressure: Numbers,
-    density: Numbers,
-) -> TransferFunction:
+class Mechanism(TypedDict):
+    """The mechanism and its load."""
+
+    load_mass: Numbers
+    link_pin_distance: Numbers
+    base_pin_distance: Numbers
+    link_length: Numbers
+
+
+class ValveDrive(Mechanism):
+    """The mechanism, its symmetric cylinder, oil and valve."""
+
+    area: Numbers
+    chamber_volume: Numbers
+    bulk_modulus: Numbers
+    leakage: Numbers
+    valve_gain: Numbers
+    supply_pressure: Numbers
+    density: Numbers
+
+
+@with_options(ValveDrive, {})
+def transfer_function_as_printed(**drive: Unpack[ValveDrive]) -> TransferFunction:
     """Coefficients (36)–(40) as printed.
 
     K = V0/β m2 (a1² + l2²) n_θ,  F = 2 C_L m2 (a1² + l2²) n_θ,
@@ -142,24 +151,12 @@ def transfer_function_as_printed(
         >>> print(f"{plant.mu:.3g}")  # twice what it is
         1.34e-08
     """
-    coefficients = _coefficients(_printed_gravity, **locals())
+    coefficients = _coefficients(_printed_gravity, **drive)
     return coefficients._replace(mu=2 * coefficients.mu)
 
 
-def transfer_function(
-    *,
-    load_mass: Numbers,
-    link_pin_distance: Numbers,
-    base_pin_distance: Numbers,
-    link_length: Numbers,
-    area: Numbers,
-    chamber_volume: Numbers,
-    bulk_modulus: Numbers,
-    leakage: Numbers,
-    valve_gain: Numbers,
-    supply_pressure: Numbers,
-    density: Numbers,
-) -> TransferFunction:
+@with_options(ValveDrive, {})
+def transfer_function(**drive: Unpack[ValveDrive]) -> TransferFunction:
     """Coefficients (36)–(40) corrected, symmetric piston at θ = π/2 and mid-stroke.
 
     K = V0/β J n_θ,  F = 2 C_L J n_θ,  Q = 2 r A² − G n_θ V0/β,  H = 2 C_L G n_θ,
@@ -189,7 +186,7 @@ def transfer_function(
         >>> print(f"{plant.mu:.3g}; natural frequency {(plant.Q / plant.K) ** 0.5:.2f} rad/s")
         6.7e-09; natural frequency 85.23 rad/s
     """
-    return _coefficients(_gravity_stiffness, **locals())
+    return _coefficients(_gravity_stiffness, **drive)
 
 
 def _frequency(part: str, gravity: Callable[..., Numbers], **arguments: Numbers) -> Numbers:
@@ -203,7 +200,7 @@ def _frequency(part: str, gravity: Callable[..., Numbers], **arguments: Numbers)
 
 def _coefficients(gravity: Callable[..., Numbers], **arguments: Numbers) -> TransferFunction:
     """Coefficients (36)–(40) with the gravity stiffness G [N m/rad], μ without its factor 2."""
-    mechanism = {name: arguments.pop(name) for name in MECHANISM}
+    mechanism = {name: arguments.pop(name) for name in Mechanism.__annotations__}
     m2, a1, d1, l2 = numbers("transfer_function", above_zero="load_mass", **mechanism)
     G = gravity(m2, a1, d1, l2)
     A, V0, beta, C_L, K_v, p_p, rho, J, r = numbers(

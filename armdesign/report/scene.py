@@ -3,7 +3,7 @@
 The maps are of frequency or of bandwidth. A cell is a rectangle of two joints, under one load case
 or all. Its worst pose is kept with what draws the machine there: matrices that place its bodies,
 places of the pins that no body carries, joints, and how far these go in each of the lowest modes.
-Numbers are packed: places are finer than 1 mm.
+Numbers are packed; places are rounded to less than 1 mm.
 """
 
 from __future__ import annotations
@@ -298,15 +298,15 @@ def _drawn_machine(
     moved, joints = (swings.of(q, shapes[..., k]) for k in modes), picture_joints(machine, q)
     loose = _loose(view, carriers := _carriers(view, machine))
     factors = np.array([1 / units.table[joint.unit][0] for joint in machine.arm.joints])
-    exact = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
-    of_cells = MILLIHERTZ if mapped.loops is None else 0.0
+    steps = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
+    step = MILLIHERTZ if mapped.loops is None else 0.0
     return DrawnMachine(
         label=label,
         parts=tuple(part.name for part in machine.yielding),
         cells=whole(np.column_stack([cells.table[:, :3], place.ravel() + 1])),
-        frequencies=packed(cells.frequencies, steps=of_cells),
+        frequencies=packed(cells.frequencies, steps=step),
         poses=whole(np.column_stack([case + 1, limits])),
-        positions=packed(np.column_stack([q * factors, lowest]), steps=exact),
+        positions=packed(np.column_stack([q * factors, lowest]), steps=steps),
         standing=tuple(view.placements[0, 0].ravel().tolist()),
         placements=packed(_numbers(view, loose)),
         joints=tuple(zip(joints.carriers, joints.hinges, strict=True)),

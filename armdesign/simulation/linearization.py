@@ -69,7 +69,7 @@ def linearize(
         speed: joint speeds at which it moves steadily (nq,) [rad/s, m/s]. None: rest, or
             what the openings make.
         payload: name or mass [kg] of the load case; None: the one at work.
-        preloaded: chamber pressures at equilibrium, see ``find_equilibrium``.
+        preloaded: chamber pressures at equilibrium, as in ``simulate``.
 
     Raises:
         PoseError: the pose cannot be taken.
@@ -131,7 +131,7 @@ def linear_models(
         speed: joint speeds at which it moves steadily, (nq,) or (n, nq) [rad/s, m/s]. None: rest,
             or what the openings make.
         payload: name or mass [kg] of the load case; None: the one at work.
-        preloaded: chamber pressures at equilibrium, see ``find_equilibrium``.
+        preloaded: chamber pressures at equilibrium, as in ``simulate``.
 
     Raises:
         PoseError: a pose cannot be taken.

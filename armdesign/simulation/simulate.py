@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
@@ -51,7 +51,17 @@ class SimulationCase:
     supply_pressure: float | None = None
 
 
+class RunConditions(TypedDict, total=False):
+    """Fields of ``SimulationCase`` that few runs need: how it starts, and what is held."""
+
+    velocity: ArrayLike | None
+    hold: float | None
+    preloaded: bool | None
+    supply_pressure: float | None
+
+
 @checked
+@with_options(RunConditions, dict.fromkeys(RunConditions.__annotations__))
 def simulate(
     machine: Machine,
     q: ArrayLike,
@@ -60,11 +70,8 @@ def simulate(
     duration: float,
     payload: str | float | None = None,
     rate: float = 200.0,
-    velocity: ArrayLike | None = None,
-    hold: float | None = None,
-    preloaded: bool | None = None,
-    supply_pressure: float | None = None,
     tolerance: float = TOLERANCE,
+    **conditions: Unpack[RunConditions],
 ) -> Simulation:
     """Motion of the machine under a load case from one pose, by the nonlinear model of ``Plant``.
 
@@ -90,7 +97,10 @@ def simulate(
         velocity: joint speeds at the start (nq,) [rad/s, m/s]; None: at rest.
         hold: corner frequency [Hz] of a slow loop that keeps the piston of each commanded cylinder
             near its place; None: no loop.
-        preloaded: chamber pressures at equilibrium, see ``find_equilibrium``.
+        preloaded: chamber pressures at the start. None: as above. True: p1 + p2 = supply + return
+            (less where a relief would open), which keeps both chambers far from cavitation. False:
+            the unloaded chamber at return pressure whatever the file asks for, and valves closed
+            even if they leak: then the load creeps.
         supply_pressure: that the pump holds [Pa] instead of the machine's, to which its reliefs
             stay set. 0: a dead pump, open to whatever flows back.
         tolerance: of a step's error, relative, and absolute in rad, m, m/s, bar.
@@ -107,8 +117,16 @@ def simulate(
         >>> print(f"{run.q[-1, 0]:.4f} rad")
         -0.0345 rad
     """
-    arguments = {name: value for name, value in locals().items() if name != "tolerance"}
-    return simulate_all([SimulationCase(**arguments)], tolerance=tolerance)[0]
+    case = SimulationCase(
+        machine=machine,
+        q=q,
+        command=command,
+        duration=duration,
+        payload=payload,
+        rate=rate,
+        **conditions,
+    )
+    return simulate_all([case], tolerance=tolerance)[0]
 
 
 @checked

@@ -46,7 +46,7 @@ class Case:
         return ", ".join([self.machine, *([self.payload] if self.payload else []), *changed])
 
 
-def of_grid(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
+def grid_changes(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
     """All combinations of values by key path, the last path's changing fastest.
 
     Raises:
@@ -63,7 +63,9 @@ def of_grid(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
     return [dict(zip(paths, row, strict=True)) for row in itertools.product(*values.values())]
 
 
-def of_sobol(ranges: Mapping[str, Sequence[float]], count: int, seed: int = 0) -> list[Changes]:
+def sobol_changes(
+    ranges: Mapping[str, Sequence[float]], count: int, seed: int = 0
+) -> list[Changes]:
     """Points of a scrambled Sobol sequence between two ends by key path.
 
     Raises:
@@ -88,7 +90,7 @@ def of_sobol(ranges: Mapping[str, Sequence[float]], count: int, seed: int = 0) -
     return [dict(zip(ranges, row, strict=True)) for row in (low + points * (high - low)).tolist()]
 
 
-def of_csv(path: str | Path) -> list[Changes]:
+def csv_changes(path: str | Path) -> list[Changes]:
     """A case for each row of a CSV file, whose columns are key paths; empty fields change nothing.
 
     Raises:
@@ -98,12 +100,12 @@ def of_csv(path: str | Path) -> list[Changes]:
     if not rows:
         raise ArmDesignError(str(path), "has no rows", "give a case per line below the key paths")
     return [
-        {name: _value(field) for name, field in zip(names, fields, strict=True) if field}
-        for _, fields in rows
+        {name: _value(text) for name, text in zip(names, texts, strict=True) if text}
+        for _, texts in rows
     ]
 
 
-def of_any(
+def all_changes(
     changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None,
 ) -> list[Changes]:
     """Changes of every case: a mapping is a grid, a path a CSV file, a sequence a list.
@@ -114,9 +116,9 @@ def of_any(
     if changes is None:
         return [{}]
     if isinstance(changes, str | Path):
-        return of_csv(changes)
+        return csv_changes(changes)
     if isinstance(changes, Mapping):
-        return of_grid(changes)
+        return grid_changes(changes)
     listed = list(changes)
     _refuse_many(len(listed))
     for one in listed:
@@ -132,10 +134,11 @@ def _refuse_many(count: int) -> None:
         raise ArmDesignError("changes", fault, f"give 1 to {MOST}")
 
 
-def _value(field: str) -> Any:
+def _value(text: str) -> Any:
+    """What a field of a CSV file says: a number, true or false, or a text."""
     for kind in (int, float):
         try:
-            return kind(field)
+            return kind(text)
         except ValueError:
             continue
-    return {"true": True, "false": False}.get(field, field)
+    return {"true": True, "false": False}.get(text, text)

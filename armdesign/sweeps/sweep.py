@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.journal import Entry, Journal
@@ -20,7 +19,7 @@ from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
 from armdesign.short_repr import short_repr
-from armdesign.sweeps.cases import Case, Changes, of_any, of_sobol
+from armdesign.sweeps.cases import Case, Changes, all_changes, sobol_changes
 from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
@@ -109,24 +108,53 @@ class Sweep:
         return plots.sweep_answers(self, answer)
 
 
+class Variants(TypedDict, total=False):
+    """What differs between cases, beside machines, changes and options of the task."""
+
+    sobol: int
+    seed: int
+    payloads: Sequence[str] | None
+    requirements: Sequence[Mapping[str, Any]] | None
+
+
+class Means(TypedDict, total=False):
+    """How cases get their answers, which depend on none of it."""
+
+    workers: int
+    scheduler: str | None
+    journal: str | Path | None
+    new: bool
+    say: Callable[[str], None] | None
+
+
+class SweepOptions(Variants, Means, total=False):
+    """What differs between the cases of a sweep, and how they get their answers."""
+
+
+USUAL_SWEEP: SweepOptions = {
+    "sobol": 0,
+    "seed": 0,
+    "payloads": None,
+    "requirements": None,
+    "workers": 1,
+    "scheduler": None,
+    "journal": None,
+    "new": False,
+    "say": None,
+}
+
+
 @checked
+@with_options(SweepOptions, USUAL_SWEEP)
 def sweep(
     machine: Machine | str | Path | Sequence[Machine | str | Path],
     changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None = None,
     task: str | Callable[..., Numbers] = "map",
     *,
-    sobol: int = 0,
-    seed: int = 0,
-    payloads: Sequence[str] | None = None,
-    requirements: Sequence[Mapping[str, Any]] | None = None,
     options: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
     workspace: Workspace | None = None,
     points: int | Sequence[int] | None = None,
-    workers: int = 1,
-    scheduler: str | None = None,
-    journal: str | Path | None = None,
-    new: bool = False,
-    say: Callable[[str], None] | None = None,
+    **more: Unpack[SweepOptions],
 ) -> Sweep:
     """Answers of one task for every machine, load case, change and set of requirements.
 
@@ -167,29 +195,25 @@ def sweep(
                           100     10.54
                           200      7.45
     """
-    if workers < 1:
+    if (workers := more["workers"]) < 1:
         raise ArmDesignError("workers", f"{workers} is not allowed", "give a whole number ≥ 1")
-    if not sobol:
-        chosen = of_any(changes)
-    elif isinstance(changes, Mapping):
-        chosen = of_sobol(changes, sobol, seed)
-    else:
-        raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
+    chosen = _changes(changes, more)
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
         refuse_options(task, one)
     study = _study(_machines(machine), task, shared, workspace, points)
-    cases = list(_cases(study, _with_requirements(chosen, requirements), payloads, sets))
+    cases = list(_cases(study, chosen, more["payloads"], sets))
     run = _CaseRunner(
-        study=study, workers=workers, scheduler=scheduler, say=say or (lambda _: None)
+        study=study,
+        workers=workers,
+        scheduler=more["scheduler"],
+        say=more["say"] or (lambda _: None),
     )
-    place = None if journal is None else Path(journal)
-    with (
-        nullcontext()
-        if place is None
-        else Journal(place, files_of(study.machines.values()), study.version, new) as opened
-    ):
-        return run.answers(cases, opened)
+    if more["journal"] is None:
+        return run.answers(cases, None)
+    files = files_of(study.machines.values())
+    with Journal(Path(more["journal"]), files, study.version, more["new"]) as journal:
+        return run.answers(cases, journal)
 
 
 @dataclass(kw_only=True)
@@ -305,10 +329,22 @@ def files_of(machines: Iterable[Machine]) -> dict[str, str]:
     return files
 
 
-def _with_requirements(
-    chosen: Sequence[Changes], requirements: Sequence[Changes] | None
+def _changes(
+    changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None,
+    variants: Variants,
 ) -> list[Changes]:
-    """Every change with every set of requirements, by the keys of ``[requirements]``."""
+    """Changes of the cases, each with every set of requirements.
+
+    Raises:
+        ArmDesignError: no changes that can be made, or no ranges for a Sobol sequence.
+    """
+    requirements = variants["requirements"]
+    if not variants["sobol"]:
+        chosen = all_changes(changes)
+    elif isinstance(changes, Mapping):
+        chosen = sobol_changes(changes, variants["sobol"], variants["seed"])
+    else:
+        raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
     sets = [
         {f"requirements.{name}": value for name, value in rules.items()}
         for rules in requirements or [{}]

@@ -126,9 +126,9 @@ BAD = [
     ),
     ({"urdf": "<robot"}, "not well-formed XML"),
     ({"urdf": "none.urdf"}, "none.urdf: no such file"),
-    ({"urdf": 5}, "urdf: a int is not allowed; give a path or the URDF's text"),
+    ({"urdf": 5}, "urdf: type int is not allowed; give a path or the URDF's text"),
     ({"cylinders": {}}, "cylinder: an empty table is not allowed"),
-    ({"cylinders": []}, "cylinders: a list is not allowed; expected {key: value}"),
+    ({"cylinders": []}, "cylinders: type list is not allowed; expected {key: value}"),
     ({"cylinders": {"boom": 5}}, "cylinder.boom: 5 is not allowed; give a table with bore_mm"),
     ({"cylinders": {"boom": {"bore": 1}}}, "cylinder.boom.bore: unknown key"),
     (
@@ -146,7 +146,7 @@ BAD = [
         "payload.full.link: missing: a mass must sit somewhere",
     ),
     ({"fluid": {"beta": 5}}, "fluid.beta: unknown key"),
-    ({"supply": 5}, "supply: a int is not allowed"),
+    ({"supply": 5}, "supply: type int is not allowed"),
     ({"name": "a b"}, 'name: "a b" is not allowed'),
 ]
 

@@ -16,7 +16,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.journal.journal import Journal
-from armdesign.sweeps.cases import of_csv, of_grid, of_sobol
+from armdesign.sweeps.cases import csv_changes, grid_changes, sobol_changes
 from armdesign.sweeps.sweep import files_of
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
@@ -160,16 +160,19 @@ def test_a_task_of_a_file_that_no_worker_can_import_travels_with_all_it_needs(
 
 
 def test_cases_of_each_kind(tmp_path: Path) -> None:
-    assert of_grid({"a": [1, 2], "b": [3, 4]}) == [
+    assert grid_changes({"a": [1, 2], "b": [3, 4]}) == [
         {"a": a, "b": b} for a in (1, 2) for b in (3, 4)
     ]
-    points = of_sobol({"a": (0, 1), "b": (10, 20)}, 8, seed=3)
-    assert points == of_sobol({"a": (0, 1), "b": (10, 20)}, 8, seed=3)
+    points = sobol_changes({"a": (0, 1), "b": (10, 20)}, 8, seed=3)
+    assert points == sobol_changes({"a": (0, 1), "b": (10, 20)}, 8, seed=3)
     for digits in range(8):  # each eighth of both ranges has one point
         assert sum(int(8 * p["a"]) == digits for p in points) == 1
         assert sum(int(8 * (p["b"] - 10) / 10) == digits for p in points) == 1
     (tmp_path / "c.csv").write_text("a;b;c\n1,5;x;true\n2;;false\n")
-    assert of_csv(tmp_path / "c.csv") == [{"a": 1.5, "b": "x", "c": True}, {"a": 2, "c": False}]
+    assert csv_changes(tmp_path / "c.csv") == [
+        {"a": 1.5, "b": "x", "c": True},
+        {"a": 2, "c": False},
+    ]
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ def convex_relaxation(problem: Problem) -> tuple[Constraints, Array, Array] | No
     something moves.
     """
     plain = problem.machine.fluid.air == 0 and all(
-        f.compliance == 0 for f in problem.machine.actuators
+        one.compliance == 0 for one in problem.machine.actuators
     )
     if (
         not plain

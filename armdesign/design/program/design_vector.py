@@ -234,7 +234,8 @@ class DesignVector:
         """Closed length and stroke (nc,) [m]: today's if pins stay, as chosen, or just enough."""
         actuators = self.machine.actuators
         closed, stroke = (
-            np.array([getattr(f, key) for f in actuators]) for key in ("closed_length", "stroke")
+            np.array([getattr(one, key) for one in actuators])
+            for key in ("closed_length", "stroke")
         )
         linkages = self.linkages(x)
         for i in self.moving:

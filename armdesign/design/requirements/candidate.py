@@ -121,12 +121,12 @@ class MachineCandidate:
     @cached_property
     def closed(self) -> Array:
         """Closed lengths (1, nc) [m]."""
-        return np.array([[f.closed_length for f in self.machine.actuators]])
+        return np.array([[one.closed_length for one in self.machine.actuators]])
 
     @cached_property
     def stroke(self) -> Array:
         """Strokes (1, nc) [m]."""
-        return np.array([[f.stroke for f in self.machine.actuators]])
+        return np.array([[one.stroke for one in self.machine.actuators]])
 
     @cached_property
     def sweeps(self) -> list[tuple[Array, Array] | None]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from armdesign.errors import ArmDesignError, MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
-from armdesign.machine.file.likely_values import meant, usual
+from armdesign.machine.file.likely_values import is_usual_at, likely_units
 from armdesign.machine.file.link_faults import link_faults
 from armdesign.machine.file.numbers import chosen_numbers
 from armdesign.machine.file.polygons import CROSSED, IN_ORDER, crosses_itself
@@ -153,7 +153,7 @@ def _of_supply(supply: SupplySection) -> Iterator[Fault]:
     back = supply.return_pressure_bar
     if back >= supply.pressure_bar:
         keys, remedy = ("supply", "return_pressure_bar"), "give a lower return pressure"
-        unit = meant(keys, back, usual(keys))
+        unit = likely_units(keys, back, is_usual_at(keys))
         if unit and back > 100:
             remedy = f"it looks like {unit.unit}: {unit.remedy}, or {remedy}"
         fault = f"{back:g} bar is not below the supply's {supply.pressure_bar:g} bar"
@@ -176,7 +176,7 @@ def _of_payload(path: str, payload: PayloadSection) -> Iterator[Fault]:
 def _of_cylinder(path: str, cylinder: CylinderSection) -> Iterator[Fault]:
     bore, rod, closed = cylinder.bore_mm, cylinder.rod_mm, cylinder.closed_length_mm
     slender, keys = bore < closed / 40, ("cylinder", path, "bore_mm")  # as no barrel is
-    unit = meant(keys, bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x)
+    unit = likely_units(keys, bore, lambda x: slender and 0.3 * x <= rod <= 0.9 * x)
     remedy = f"give a rod in (0, {bore:g}) mm"
     if rod >= bore and unit:
         fault = f"{bore:g} mm looks like {unit.unit}: the rod of {rod:g} mm does not fit it"

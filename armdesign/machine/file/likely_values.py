@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from armdesign.machine.file.key_paths import unit_of
-from armdesign.units import deg
+from armdesign.units import MPa, bar, deg, psi
 
-PSI = 6894.757  # [Pa]
 # by unit of the key: the units that stand there by mistake, and how many of the key's one of them
 # is
 MISTAKEN = {
     "mm": {"metres": 1e3, "centimetres": 10.0, "inches": 25.4},
-    "bar": {"MPa": 10.0, "kPa": 1e-2, "Pa": 1e-5, "psi": PSI / 1e5},
-    "MPa": {"GPa": 1e3, "bar": 0.1, "kPa": 1e-3, "Pa": 1e-6, "psi": PSI / 1e6},
+    "bar": {"MPa": 10.0, "kPa": 1e-2, "Pa": 1e-5, "psi": psi / bar},
+    "MPa": {"GPa": 1e3, "bar": 0.1, "kPa": 1e-3, "Pa": 1e-6, "psi": psi / MPa},
     "l": {"m³": 1e3, "cm³": 1e-3},
     "cm³": {"l": 1e3, "m³": 1e6},
     "l/min": {"m³/s": 6e4, "l/s": 60.0},
@@ -48,11 +47,11 @@ USUAL = {
     "damping_ratio": (0.05, 2.0),
 }
 # ends of keys of numbers without a unit
-SHARES = "_share", "share", "end_margin", "damping_ratio", "pilot_ratio"
+SHARES = "share", "end_margin", "damping_ratio", "pilot_ratio"
 
 
 @dataclass(frozen=True)
-class Meant:
+class LikelyUnits:
     """Units that a number may be in by mistake, the likeliest first."""
 
     units: tuple[str, ...]
@@ -82,7 +81,9 @@ def units_of(path: tuple[Any, ...]) -> dict[str, float]:
     return MISTAKEN.get(unit, {})
 
 
-def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool]) -> Meant | None:
+def likely_units(
+    path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool]
+) -> LikelyUnits | None:
     """The units in which a number becomes ``plausible`` in its key's; None where none makes it."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15:
         return None
@@ -95,10 +96,10 @@ def meant(path: tuple[Any, ...], value: Any, plausible: Callable[[float], bool])
         candidates.sort(key=lambda one: abs(math.log(one[0] / math.sqrt(low * high))))
     if not candidates:
         return None
-    return Meant(tuple(unit for _, unit in candidates), tuple(new for new, _ in candidates))
+    return LikelyUnits(tuple(unit for _, unit in candidates), tuple(new for new, _ in candidates))
 
 
-def usual(path: tuple[Any, ...]) -> Callable[[float], bool]:
-    """Whether a number is one that machines have at a key path; none is where nothing is known."""
+def is_usual_at(path: tuple[Any, ...]) -> Callable[[float], bool]:
+    """A test of numbers at a key path: whether machines have such; false if that is not known."""
     low, high = USUAL.get(str(path[-1]), (float("inf"), float("-inf")))
     return lambda value: low <= value <= high

@@ -22,7 +22,7 @@ from armdesign.machine.file.key_paths import (
     unit_of,
     unwrap,
 )
-from armdesign.machine.file.likely_values import USUAL, meant, usual
+from armdesign.machine.file.likely_values import USUAL, is_usual_at, likely_units
 from armdesign.machine.file.schema import FORMS, MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, list_meant, number_meant
 
@@ -94,8 +94,8 @@ def _likely_cause(value: Any, location: Location, written: str) -> tuple[str, st
         return ("decimal commas", f"write {points}") if points else ("", "")
     if kind is float:
         lower, upper = bounds(location)
-        plausible = usual(location) if location[-1] in USUAL else lambda x: lower < x < upper
-        if other := meant(location, value, plausible):
+        plausible = is_usual_at(location) if location[-1] in USUAL else lambda x: lower < x < upper
+        if other := likely_units(location, value, plausible):
             return f"looks like {other.unit}", other.remedy
     return "", ""
 

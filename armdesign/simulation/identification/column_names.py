@@ -19,9 +19,9 @@ from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.measured_poses import inclined
 from armdesign.simulation.identification.recording import Recording
 from armdesign.simulation.identification.windows import strongest
-from armdesign.units import bar
+from armdesign.units import MPa, bar, psi
 
-PRESSURES = {"bar": bar, "MPa": 1e6, "kPa": 1e3, "Pa": 1.0, "psi": 6894.757}
+PRESSURES = {"bar": bar, "MPa": MPa, "kPa": 1e3, "Pa": 1.0, "psi": psi}
 KINDS = (
     tuple(PRESSURES),
     ("deg_per_s", "rad_per_s", "mm_per_s", "m_per_s", "rpm"),

@@ -151,10 +151,10 @@ class Plant:
     def state_names(self) -> tuple[str, ...]:
         """Names of the numbers of the state."""
         joints = [joint.name for joint in self.machine.arm.coordinates]
-        cylinders = [f.name for f in self.machine.actuators]
-        kinds = [("position", joints), ("velocity", joints), ("cap pressure", cylinders)]
-        kinds += [("annulus pressure", cylinders), ("pressure", ["supply"] * self.has_line)]
-        kinds += [("spool", cylinders), ("spool speed", cylinders)]
+        actuators = [actuator.name for actuator in self.machine.actuators]
+        kinds = [("position", joints), ("velocity", joints), ("cap pressure", actuators)]
+        kinds += [("annulus pressure", actuators), ("pressure", ["supply"] * self.has_line)]
+        kinds += [("spool", actuators), ("spool speed", actuators)]
         return tuple(f"{name} {kind}" for kind, names in kinds for name in names)
 
     @cached_property
