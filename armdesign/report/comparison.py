@@ -16,7 +16,7 @@ from armdesign.machine.parts import coordinates
 from armdesign.machine.poses import pose_text
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
-from armdesign.report.maps import spread_sheet
+from armdesign.report.maps import between_poses, spread_sheet
 from armdesign.report.performance import figures, performance_sheet
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units, percent
@@ -104,12 +104,14 @@ class Comparison:
             if len(cases) == 2 and cases[0][2].frequency > 0:
                 change = percent(cases[1][2].frequency / cases[0][2].frequency - 1)
                 rows.append(("", "change", change, "", ""))
-        first = "both in the workspace of the first machine"
+        kind = "both in the workspace of the first machine"
+        if not self.same_workspace:
+            kind = "each in its own workspace"
         return Sheet(
             title="Worst natural frequency [Hz]",
             columns=("payload", "machine", "frequency", "cylinder", "where"),
             rows=tuple(rows),
-            note=first if self.same_workspace else "each in its own workspace",
+            note="; ".join(filter(None, [kind, between_poses(self.maps)])),
             bold=tuple(k for k, row in enumerate(rows) if row[1] == "change"),
         )
 
