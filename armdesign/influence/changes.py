@@ -85,7 +85,9 @@ def changed_machine(
 def _blame(error: MachineFileError, changes: Mapping[str, Any], part: str, source: str) -> None:
     """Name the change at fault, not the file's line; beside another key, all changes."""
     at, line = error.part.removeprefix(f"{source}: "), error.line
-    own = [path for path in changes if f"{at}.".startswith(f"{path}.") or path.startswith(f"{at}.")]
+    own = [
+        path for path in changes if f"{at}.".startswith(f"{path}.") or path.startswith(f"{at}.")
+    ]
     if own:
         error.part, line = f"{part} {own[0]}", None
     else:
