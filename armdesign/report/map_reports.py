@@ -173,8 +173,9 @@ def assumptions(machine: Machine, workspace: Workspace) -> tuple[str, ...]:
     return (
         f"{oil}; small motions about rest, valves closed; {structure}.",
         f"Worst means: sought between the {len(workspace)} poses ({workspace.kind}) too, each"
-        f" cylinder at least {100 * workspace.end_margin:.2g} % of its stroke from its ends, in the"
-        f" load cases {cases}, each where it exists; the three numbers each at its own end of the"
-        f" bands. Maps, percentiles and the table of the bands compare the poses alone: {LOWEST}.",
+        f" cylinder at least {100 * workspace.end_margin:.2g} % of its stroke from its ends, in"
+        f" the load cases {cases}, each where it exists; the three numbers each at its own end of"
+        " the bands. Maps, percentiles and the table of the bands know the poses alone, and the"
+        f" {LOWEST}.",
         f"Bands of what is not known exactly ({stated}): {widths(machine, bands)}.",
     )

@@ -409,7 +409,7 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
     ):
         design = ad.size_cylinders(stated, workspace, **given.get(made_for, {}))
         first, sheet = design_sheets(design)[:2]
-        assert sheet.title.startswith("Worst frequency within the bands")
+        assert sheet.title.startswith("Lowest frequency of the poses within the bands")
         assert sheet.rows[0][1:] == tuple(
             f"{f:.3f} Hz"
             for f in (
