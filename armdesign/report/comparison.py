@@ -91,6 +91,10 @@ class Comparison:
         frame["change"] = [_change(a, b) for _, _, a, b in rows]
         return frame.map(lambda x: float(f"{x:.9g}") if isinstance(x, float) else x)
 
+    def items(self, units: Units = WORKSHOP) -> list[Sheet | str]:
+        """The comparison as tables, after what it leaves out."""
+        return [*self.sentences, *self.sheets(units)]
+
     def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
         """The comparison as tables."""
         pairs = {label: (m.machine, m.workspace) for label, m in self.maps.items()}
