@@ -357,7 +357,9 @@ def test_trade_off_for_bands() -> None:
     sheet = pareto_sheet(front)
     assert sheet.columns[3:5] == ("in the bands", "least gain")
     assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
-    assert "worst within the bands" in [line.get_label() for line in front.plot().lines][2]
+    assert (
+        "lowest of the poses in the bands" in [line.get_label() for line in front.plot().lines][2]
+    )
 
 
 @pytest.mark.slow
