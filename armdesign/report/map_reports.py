@@ -175,7 +175,7 @@ def assumptions(machine: Machine, workspace: Workspace) -> tuple[str, ...]:
         f"Worst means: sought between the {len(workspace)} poses ({workspace.kind}) too, each"
         f" cylinder at least {100 * workspace.end_margin:.2g} % of its stroke from its ends, in"
         f" the load cases {cases}, each where it exists; the three numbers each at its own end of"
-        " the bands. Maps, percentiles and the table of the bands know the poses alone, and the"
-        f" {LOWEST}.",
+        " the bands. Maps, percentiles and the table of the bands know the poses alone; what is"
+        f" lowest there is called the {LOWEST}.",
         f"Bands of what is not known exactly ({stated}): {widths(machine, bands)}.",
     )
