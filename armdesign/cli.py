@@ -274,7 +274,7 @@ def compare(
             plots.save(compared.plot(plane), folder / f"compare_{plane}.png")
         output.write_overlay(compared.maps, folder)
         output.write_lift_charts(compared.lift_charts, folder)
-    run.show(compared.sheets(run.units.units), tables={"compare": compared.frame})
+    run.show(compared.items(run.units.units), tables={"compare": compared.frame})
 
 
 @app.command()

@@ -6,27 +6,20 @@ import importlib.util
 import os
 from functools import partial
 
-from armdesign.options import (
-    FreshOption,
-    OutsideOption,
-    ProcessesOption,
-    SchedulerOption,
-    StudyArgument,
-)
+from armdesign.options import FreshOption, ProcessesOption, SchedulerOption, StudyArgument
 from armdesign.output import command_line, kept
-from armdesign.runs import Run, command
+from armdesign.runs import OfMachines, command
 
 JOURNAL = "sweep.sqlite"
 
 
-@partial(command, without=("pictures",))
+@partial(command, without=("pictures", "units"))
 def sweep(
-    run: Run,
+    run: OfMachines,
     study: StudyArgument,
     workers: ProcessesOption = None,
     scheduler: SchedulerOption = "",
     new: FreshOption = False,
-    allow_outside: OutsideOption = False,
 ) -> None:
     """Answer one question for many machines.
 
@@ -43,7 +36,7 @@ def sweep(
     try:
         with run.progress("sweeping"):
             answers = swept(
-                **read_study(study, allow_outside=allow_outside),
+                **read_study(study, run.load),
                 workers=_processors() if workers is None else workers,
                 scheduler=scheduler or None,
                 journal=out / JOURNAL,

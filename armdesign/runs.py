@@ -286,7 +286,7 @@ class OfMachines(Run):
     units: UnitsOption = Habit.workshop
     allow_outside: OutsideOption = False
 
-    def load(self, name: str, *, check: bool = True) -> Machine:
+    def load(self, name: str | Path, *, check: bool = True) -> Machine:
         """A machine, with the numbers that ``--set`` gives; ``check``: that it fits together."""
         from armdesign.influence.changes import changed_machine, read_changes
         from armdesign.machine.loading import load, load_unchecked

@@ -25,7 +25,7 @@ PICTURES = {  # of pages: each picture, and the file in the page's folder that i
     "report": {"loader_map.png": "map/map_reach.png", "loader_report.png": "design/report.html"},
 }
 FOLDER = DOCS / "pictures"
-WIDTH, HEAD = 1000, 1560  # [px] of pictures, and of a report's head
+WIDTH, HEAD = 1000, 1760  # [px] of pictures, and of a report's head
 COLOURS = 256
 SQUARE = 10  # [px]: pictures are compared by the means of squares
 LEVEL, FEW = 30.0, 5  # of 255, by which a square differs; squares that may: one word is ten

@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import armdesign as ad
 from tests.commands import ARMDESIGN, assert_one_line, main
 
 STUDY = """
@@ -46,6 +47,25 @@ def test_a_study_is_answered_once(
     assert (tmp_path / "out" / "sweep.csv").read_bytes() == first
     frame = pd.read_parquet(tmp_path / "out" / "sweep.parquet").drop(columns="seconds")
     assert frame["worst_hz"].tolist()[:2] == read(tmp_path / "out")["worst_hz"].tolist()[:2]
+
+
+def test_set_changes_every_machine_of_a_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a map of the machine with both numbers; a journal of other machines is refused."""
+    study = written(tmp_path, STUDY.partition('"cylinder')[0])
+    words = ["sweep", study, "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main([*words, "--set", "cylinder.lift.bore_mm=70"], monkeypatch) == 0
+    machine = ad.load("paper_1dof").replace(
+        {"cylinder.lift.bore_mm": 70.0, "fluid.bulk_modulus_MPa": 1000.0}
+    )
+    worst = ad.frequency_map(machine, ad.Workspace.grid(machine, 3)).worst.frequency
+    assert read(tmp_path / "out")["worst_hz"][1] == pytest.approx(worst, rel=1e-9)
+    capsys.readouterr()
+    assert main(words, monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "belongs to another state of paper_1dof")
+    assert main([*words, "--set", "cylinder.lift.bore_mm=-1"], monkeypatch) == 2
+    assert_one_line(capsys.readouterr().err, "--set cylinder.lift.bore_mm: -1.0 is not allowed")
 
 
 @pytest.mark.parametrize(

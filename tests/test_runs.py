@@ -60,10 +60,17 @@ def test_other_numbers_are_those_of_replace(
         ("fluid.bulk=1", "--set fluid.bulk"),
         (
             "fluid.bulk_modulus_MPa=-3",
-            "fluid.bulk_modulus_MPa: -3.0 is not allowed; give a number",
+            "--set fluid.bulk_modulus_MPa: -3.0 is not allowed; give a number",
         ),
-        ("cylinder.lift.rod_mm=850", "cylinder.lift.rod_mm: 850 mm does not fit the bore"),
-        ("fluid.bulk_modulus_MPa=soft", 'fluid.bulk_modulus_MPa: "soft" is not allowed'),
+        ("cylinder.lift.rod_mm=850", "--set cylinder.lift.rod_mm: 850 mm does not fit the bore"),
+        ("fluid.bulk_modulus_MPa=soft", '--set fluid.bulk_modulus_MPa: "soft" is not allowed'),
+        ("cylinder.lift.base.at_mm.0=x", '--set cylinder.lift.base.at_mm.0: "x" is not allowed'),
+        ("cylinder.lift.base.at_mm=[1, 2]", "--set cylinder.lift.base.at_mm: [1.0, 2.0] is not"),
+        (
+            "cylinder.lift.closed_length_mm=100",
+            "--set cylinder.lift.closed_length_mm=100: cylinder.lift.stroke_mm: over joint",
+        ),
+        ("urdf=other.urdf", "--set urdf: is another file, no number of this; write a machine"),
     ],
 )
 def test_bad_numbers_are_one_line(
@@ -75,7 +82,9 @@ def test_bad_numbers_are_one_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["map", "paper_1dof", "--set", word], monkeypatch) == 2
-    assert_one_line(capfd.readouterr().err, message)
+    said = capfd.readouterr().err
+    assert_one_line(said, message)
+    assert ("(line " in said) == ("=100: " in said)  # of another key than the one that is set
     assert not list(tmp_path.iterdir())
 
 

@@ -1,4 +1,4 @@
-"""Uncertainty bands of oil, structure, load and mass, and the worst frequency within them.
+"""Uncertainty bands of oil, structure, load and mass, and the lowest frequency within them.
 
 Structure (pins, brackets, links, pillar) yields in series with each actuator: 1/k = 1/k_oil + c.
 Its c is stated as a share of today's oil's own compliance at mid stroke, 0 rigid and 1 as soft as
@@ -233,10 +233,10 @@ class Corner(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One set of values within the bands, and the worst frequency over poses and load cases there.
+    """One set of values within the bands, and the lowest frequency of the poses there.
 
     Attributes:
-        frequency: worst coupled natural frequency [Hz].
+        frequency: lowest coupled natural frequency of the poses, all load cases [Hz].
         payload: name of its load case.
         q: its pose (nq,) [rad, m].
         corner: the values.
@@ -250,7 +250,7 @@ class Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class FrequencyBand:
-    """The worst frequency [Hz] over poses and load cases within the bands.
+    """The lowest frequency [Hz] of the poses, all load cases, within the bands.
 
     Attributes:
         scenarios: at all corners of the bands, in one order for all machines.
@@ -272,17 +272,17 @@ class FrequencyBand:
 
     @cached_property
     def between(self) -> tuple[float, ...]:
-        """Worst frequency at places spread between the corners [Hz], the same for all machines."""
+        """Lowest frequency at places between the corners [Hz], the same for all machines."""
         return self.sample()
 
     @property
     def low(self) -> Scenario:
-        """The worst scenario."""
+        """The scenario with the lowest frequency."""
         return min(self.scenarios, key=_frequency)
 
     @property
     def high(self) -> Scenario:
-        """The scenario with the highest worst frequency: structure rigid, oil stiff."""
+        """The scenario whose lowest frequency is the highest: structure rigid, oil stiff."""
         return max(self.scenarios, key=_frequency)
 
     def least_gain(self, today: FrequencyBand) -> float:
@@ -291,7 +291,7 @@ class FrequencyBand:
         return min((new / old for new, old in pairs if old > 0), default=math.inf) - 1
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Axes with the worst frequency at every corner of the bands."""
+        """Axes with the lowest frequency at every corner of the bands."""
         from armdesign import plots
 
         return plots.corners_of_bands(self, ax)
@@ -309,11 +309,11 @@ def frequency_band(
     *,
     today: Machine | None = None,
 ) -> FrequencyBand:
-    """Worst coupled frequency over poses and load cases, at all corners of the bands.
+    """Lowest coupled frequency of the poses, all load cases, at all corners of the bands.
 
     Args:
         machine: the machine.
-        workspace: poses that count; the worst is taken among them, not between them.
+        workspace: poses that count, and not what lies between them.
         bands: what is not known exactly; None: the machine's file states them.
         today: the machine that this one was made from, whose structure it keeps; None: itself.
 

@@ -134,7 +134,7 @@ class FrequencyMap(ReadOnly):
 
     @cached_property
     def band(self) -> FrequencyBand:
-        """Worst frequency within the bands of the machine file, or assumed where it has none.
+        """Lowest frequency of the poses within the file's bands, or assumed ones if it has none.
 
         Raises:
             PoseError: at the soft end gravity overcomes the trapped oil.

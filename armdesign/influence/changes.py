@@ -6,12 +6,14 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, MachineFileError
 from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.machine_file import flat
 from armdesign.machine.file.numbers import chosen_numbers, numbers_of
 from armdesign.machine.file.toml_writing import edit
 from armdesign.machine.machine import Machine
+
+SHOWN = 3  # changes in a message
 
 
 def read_changes(words: Sequence[str], part: str = "what-if") -> dict[str, Any]:
@@ -62,14 +64,37 @@ def changed_machine(
             row[int(number.location[-1])] = value
             whole[table] = row
         else:
+            if path == "urdf":  # is read with the file
+                remedy = "write a machine file that names it"
+                raise ArmDesignError(f"{part} urdf", "is another file, no number of this", remedy)
             if path not in known:
                 _refuse_unknown(machine, path, f"{part} {path}")
             whole[path] = value
     values = {path: _as_before(known.get(path), value) for path, value in whole.items()}
-    if check:
-        return machine.replace(values)
     source = machine.source
-    return Machine.unchecked(edit(machine.text, values, source.name), machine.urdf_text, source)
+    try:
+        if check:
+            return machine.replace(values)
+        text = edit(machine.text, values, source.name)
+        return Machine.unchecked(text, machine.urdf_text, source)
+    except MachineFileError as error:
+        _blame(error, changes, part, source.name)
+        raise
+
+
+def _blame(error: MachineFileError, changes: Mapping[str, Any], part: str, source: str) -> None:
+    """Name the change at fault, not the file's line; beside another key, all changes."""
+    at, line = error.part.removeprefix(f"{source}: "), error.line
+    own = [
+        path for path in changes if f"{at}.".startswith(f"{path}.") or path.startswith(f"{at}.")
+    ]
+    if own:
+        error.part, line = f"{part} {own[0]}", None
+    else:
+        stated = [f"{path}={value}" for path, value in changes.items()]
+        more = f" and {len(stated) - SHOWN} more" if len(stated) > SHOWN else ""
+        error.part = f"{part} {', '.join(stated[:SHOWN])}{more}: {at}"
+    error.tell_line(line, source)
 
 
 def _example(machine: Machine) -> str:

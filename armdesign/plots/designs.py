@@ -143,7 +143,7 @@ def trade_off(front: Pareto, ax: Axes | None = None) -> Any:
     lines = [("frequency_hz", "best design", "o-", today)]
     if front.robust:
         lowest = first.band_before.low.frequency
-        lines.append(("banded_hz", "best design, worst within the bands", "o:", lowest))
+        lines.append(("banded_hz", "best design, lowest of the poses in the bands", "o:", lowest))
     for column, words, line, start in lines:
         frequencies = front.frame[column]
         ax.plot(limits, frequencies, line, color=MARK, label=words, drawstyle=style)

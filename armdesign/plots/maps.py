@@ -78,6 +78,8 @@ def reach_map(lowest: ReachMap, ax: Axes | None = None, **limits: float) -> Axes
     """Lowest frequency by place of the tool; returns the axes. ``limits`` as in the map's own."""
     ax = figure()[1][0] if ax is None else ax
     heatmap(ax, lowest.reach, lowest.height, lowest.frequency, limits)
+    ax.use_sticky_edges = False  # the region ends by itself, not at the frame
+    ax.margins(0.02)
     ax.set(xlabel="reach [m]", ylabel="height [m]", aspect="equal")
     ax.set_title("lowest over all poses that bring the tool there")
     return ax

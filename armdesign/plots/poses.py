@@ -57,14 +57,14 @@ def forces_by_pose(poses: Poses, ax: Axes | None = None) -> Any:
 
 @literal
 def corners_of_bands(band: FrequencyBand, ax: Axes | None = None) -> Any:
-    """Axes with the worst frequency at every corner of the bands, and with the file's values."""
+    """Axes with the lowest frequency at every corner of the bands, and with the file's values."""
     count = len(band.scenarios)
     ax = figure(1, 7.0, 1.6 + 0.3 * count)[1][0] if ax is None else ax
     rows = np.arange(count)
     ax.plot([one.frequency for one in band.scenarios], rows, "o", color=COMPUTED, label="corners")
     ax.axvline(band.nominal, color=INK, label="with the file's values")
     ax.set_yticks(rows, [_words(one.corner) for one in band.scenarios])
-    ax.set(xlabel="worst frequency [Hz]", ylim=(count - 0.5, -0.5))
+    ax.set(xlabel="lowest frequency of the poses [Hz]", ylim=(count - 0.5, -0.5))
     ax.grid(alpha=0.3)
     _legend_above(ax)
     return ax

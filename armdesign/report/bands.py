@@ -1,4 +1,4 @@
-"""Sheet of the bands of what is not known exactly: worst frequencies at their ends, and gains."""
+"""Sheet of the bands of what is not known exactly: frequencies at their ends, and gains."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet
 from armdesign.units import percent
 
-BANDS_TITLE = "Worst frequency within the bands of what is not known exactly"
+BANDS_TITLE = "Lowest frequency of the poses within the bands of what is not known exactly"
 
 
 def bands_sheet(
     machine: Machine, bands: Bands, rows: Mapping[str, FrequencyBand], notes: str = ""
 ) -> Sheet:
-    """Worst frequencies of today's machine, and of a new one with its gain, by name.
+    """Lowest frequencies of today's machine, and of a new one with its gain, by name.
 
     Args:
         machine: today's machine.
@@ -36,7 +36,7 @@ def bands_sheet(
         title=BANDS_TITLE,
         columns=("", *end_names(machine, bands)),
         rows=tuple(texts),
-        note=f"{widths(machine, bands)}; at the poses of the workspace{notes}",
+        note=f"{widths(machine, bands)}{notes}",
         bold=(len(texts) - 1,),
     )
 

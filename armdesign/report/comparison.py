@@ -16,7 +16,7 @@ from armdesign.machine.parts import coordinates
 from armdesign.machine.poses import pose_text
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
-from armdesign.report.maps import spread_sheet
+from armdesign.report.maps import between_poses, spread_sheet
 from armdesign.report.performance import figures, performance_sheet
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units, percent
@@ -32,10 +32,34 @@ SHOWN = 40  # differing keys that are printed; the CSV has them all
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Frequency maps of two machines by their labels, and whether the poses are the same."""
+    """Frequency maps of two machines by their labels.
+
+    Attributes:
+        maps: of both.
+        apart: why they are not in one workspace; empty where they are.
+    """
 
     maps: dict[str, FrequencyMap]
-    same_workspace: bool
+    apart: str = ""
+
+    @property
+    def same_workspace(self) -> bool:
+        """Whether both are mapped at the same poses."""
+        return not self.apart
+
+    @property
+    def sentences(self) -> list[str]:
+        """What is not compared, and why; nothing where all is."""
+        said = [f"{self.apart}: each is mapped in its own workspace"] if self.apart else []
+        one, other = (m.machine for m in self.maps.values())
+        if one.joints != other.joints:
+            said += ["no overlay.png is drawn, and what only one of them has stands without ratio"]
+        first, second = self.maps
+        if not self.lift_charts:
+            said += [f"no lift charts are compared: {first} has none"]
+        elif second not in self.lift_charts:
+            said += [f"{second} reaches no place of the lift chart of {first}"]
+        return [f"{'; '.join(said)}."] if said else []
 
     @cached_property
     def differences(self) -> dict[str, tuple[Any, Any]]:
@@ -66,6 +90,10 @@ class Comparison:
         frame = pd.DataFrame(rows, columns=["quantity", "unit", *self.maps], dtype=object)
         frame["change"] = [_change(a, b) for _, _, a, b in rows]
         return frame.map(lambda x: float(f"{x:.9g}") if isinstance(x, float) else x)
+
+    def items(self, units: Units = WORKSHOP) -> list[Sheet | str]:
+        """The comparison as tables, after what it leaves out."""
+        return [*self.sentences, *self.sheets(units)]
 
     def sheets(self, units: Units = WORKSHOP) -> list[Sheet]:
         """The comparison as tables."""
@@ -104,12 +132,14 @@ class Comparison:
             if len(cases) == 2 and cases[0][2].frequency > 0:
                 change = percent(cases[1][2].frequency / cases[0][2].frequency - 1)
                 rows.append(("", "change", change, "", ""))
-        first = "both in the workspace of the first machine"
+        kind = "each in its own workspace"
+        if self.same_workspace:
+            kind = "both in the workspace of the first machine"
         return Sheet(
             title="Worst natural frequency [Hz]",
             columns=("payload", "machine", "frequency", "cylinder", "where"),
             rows=tuple(rows),
-            note=first if self.same_workspace else "each in its own workspace",
+            note="; ".join(filter(None, [kind, between_poses(self.maps)])),
             bold=tuple(k for k, row in enumerate(rows) if row[1] == "change"),
         )
 
@@ -153,13 +183,24 @@ def compare(
     The second is mapped in the workspace of the first if it has the same arm and can take all of
     its poses; else each is mapped in its own.
     """
-    workspace = Workspace.grid(first, points)
-    arms = [(m.urdf_text, coordinates(m.section)) for m in (first, second)]
-    same = arms[0] == arms[1] and second.margins(workspace.q).min() >= -MARGIN_TOLERANCE
-    own = workspace if same else Workspace.grid(second, points)
-    labels = _labels(first, second)
+    workspace, labels = Workspace.grid(first, points), _labels(first, second)
+    apart = _apart(first, second, workspace, labels)
+    own = Workspace.grid(second, points) if apart else workspace
     maps = (frequency_map(first, workspace), frequency_map(second, own))
-    return Comparison(dict(zip(labels, maps, strict=True)), bool(same))
+    return Comparison(dict(zip(labels, maps, strict=True)), apart)
+
+
+def _apart(one: Machine, other: Machine, workspace: Workspace, labels: tuple[str, str]) -> str:
+    """Why a machine cannot be mapped in the workspace of another; empty if it can."""
+    if one.joints != other.joints:
+        both = zip(labels, (one, other), strict=True)
+        joints = "; ".join(f"{label}: {', '.join(machine.joints)}" for label, machine in both)
+        return f"The joints differ ({joints})"
+    if (one.urdf_text, coordinates(one.section)) != (other.urdf_text, coordinates(other.section)):
+        return "The links differ"
+    if other.margins(workspace.q).min() < -MARGIN_TOLERANCE:
+        return f"The cylinders of {labels[1]} do not reach all poses of {labels[0]}"
+    return ""
 
 
 def _labels(first: Machine, second: Machine) -> tuple[str, str]:

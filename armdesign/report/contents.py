@@ -10,15 +10,15 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from armdesign.errors import ArmDesignError, printable
+from armdesign.errors import ArmDesignError
 from armdesign.plots.charts import Chart
 from armdesign.report.scene import MapScene
 from armdesign.report.sheet import Sheet
+from armdesign.report.unreadable import AGAIN, unreadable
 
-AGAIN = "run the command that wrote the folder again"
 FILE = "report.json"
 PAGE = "report.html"
-FORMAT = 1  # of the file; a reader of another refuses it
+FORMAT = 2  # of the file; a reader of another refuses it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,7 @@ class Report:
         """The report that a folder keeps.
 
         Raises:
-            ArmDesignError: the folder keeps none, or one that is not as it was written.
+            ArmDesignError: the folder keeps none, one of another version, or a damaged one.
         """
         path = folder / FILE
         try:
@@ -104,11 +104,8 @@ class Report:
         try:
             report = pydantic.TypeAdapter(cls).validate_json(text)
         except pydantic.ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(map(str, first["loc"])) or "the file"
-            fault = printable(f"is no report: {place}: {first['msg']}")
-            raise ArmDesignError(part, fault, AGAIN) from None
+            place = ".".join(map(str, error.errors()[0]["loc"]))
+            raise unreadable(text, part, FORMAT, place) from None
         if report.format != FORMAT:
-            fault = f"has format {report.format}, and this armdesign reads {FORMAT}"
-            raise ArmDesignError(part, fault, AGAIN)
+            raise unreadable(text, part, FORMAT, "")
         return report

@@ -112,7 +112,7 @@ def _buyer(design: Design, pictures: Sequence[Picture], units: Units) -> ReportS
 
 
 def _changes(design: Design, pictures: Sequence[Picture], units: Units) -> ReportSection:
-    differences = Comparison({"today": design.before, "new": design.after}, True)
+    differences = Comparison({"today": design.before, "new": design.after})
     return ReportSection(
         title="Changes",
         pictures=tuple(pictures),

@@ -12,7 +12,7 @@ import numpy as np
 from armdesign.report.bands import bands_sheet, is_assumed
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
-from armdesign.report.maps import spread_sheet
+from armdesign.report.maps import LOWEST, between_poses, spread_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, spring_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units, percent, share_text
@@ -68,6 +68,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         "bandwidth": "made for the least bandwidth; of it, as estimated from frequencies: ",
     }
     notes = [
+        *filter(None, [between_poses({"today": design.before, "new": design.after})]),
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
         f"{made_for.get(design.made_for, '')}before rounding {_reached(design, design.unrounded)}",
         *filter(None, [spring_note(design.machine, after.cylinder)]),
@@ -199,7 +200,7 @@ def _reached(design: Design, *frequencies: float) -> str:
 
 
 def bands_of_design(design: Design) -> Sheet:
-    """Worst frequencies today and new within the bands of what is not known exactly."""
+    """Lowest frequencies today and new within the bands of what is not known exactly."""
     made_for = {
         "worst": "; the new machine was designed for the lowest",
         "gain": "; the new machine was designed for the least gain",
@@ -377,9 +378,9 @@ def _throughout(design: Design) -> str:
     """Least gain of the new machine within the bands."""
     least = design.least_gain
     low, high = design.band_after.low.frequency, design.band_after.high.frequency
-    what = "it gains at least" if least > 0 else "the gain vanishes there:"
+    what = "a gain of at least" if least > 0 else "the gain vanishes there:"
     assumed = ", assumed" if is_assumed(design.today, design.bands) else ""
     return (
-        f" Within the bands of what is not known exactly{assumed}, {low:.3f} to {high:.3f} Hz at"
-        f" the poses of the workspace, {what} {percent(least)}."
+        f" Within the bands of what is not known exactly{assumed}, the {LOWEST} has {low:.3f} to"
+        f" {high:.3f} Hz, {what} {percent(least)}."
     )

@@ -11,6 +11,7 @@ from armdesign.frequency.bands import Bands, FrequencyBand
 from armdesign.frequency.worst_frequency import WorstPose, worst_anywhere
 from armdesign.report.bands import end_names, is_assumed, widths
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
+from armdesign.report.maps import LOWEST
 from armdesign.report.scene import scene_of
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.units import WORKSHOP, Units, percent
@@ -48,7 +49,7 @@ def map_report(
     return Report(
         title=head.title,
         lead=(
-            f"The lowest natural frequency in the workspace is {worst.frequency:.3f} Hz, at"
+            f"The worst natural frequency in the workspace is {worst.frequency:.3f} Hz, at"
             f" {worst_pose_text(machine, worst, units)}; the {worst.cylinder} limits it there."
         ),
         headline=numbers,
@@ -171,9 +172,10 @@ def assumptions(machine: Machine, workspace: Workspace) -> tuple[str, ...]:
     structure = f"structure that yields: {', '.join(yields)}" if yields else "rigid structure"
     return (
         f"{oil}; small motions about rest, valves closed; {structure}.",
-        f"Worst means: of {len(workspace)} poses ({workspace.kind}), each cylinder at least"
-        f" {100 * workspace.end_margin:.2g} % of its stroke from its ends, and of the load cases"
-        f" {cases}, each where it exists. The three numbers are sought between the poses too,"
-        " each at its own end of the bands; the table of the bands compares the poses alone.",
+        f"Worst means: sought between the {len(workspace)} poses ({workspace.kind}) too, each"
+        f" cylinder at least {100 * workspace.end_margin:.2g} % of its stroke from its ends, in"
+        f" the load cases {cases}, each where it exists; the three numbers each at its own end of"
+        " the bands. Maps, percentiles and the table of the bands know the poses alone; what is"
+        f" lowest there is called the {LOWEST}.",
         f"Bands of what is not known exactly ({stated}): {widths(machine, bands)}.",
     )

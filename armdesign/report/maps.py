@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from armdesign.arrays import percentiles
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
 
 NOTABLE = 0.005  # change of the worst frequency
+LOWEST = "lowest of the poses"  # of a workspace alone; the worst is sought between them too
 UNSTABLE = (
     ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
 )
@@ -35,7 +37,7 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
-    springs, reliefs = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
+    notes = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
     frequency = f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")
     return Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
@@ -45,16 +47,25 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {limiting.kind}"),
         ),
-        note="; ".join(filter(None, (springs, reliefs, _rest_note(frequencies)))),
+        note="; ".join(filter(None, (between_poses({"": frequencies}), *notes))),
         bold=(0,),
     )
 
 
+def between_poses(maps: Mapping[str, FrequencyMap]) -> str:
+    """Note on the lowest poses of maps by label, where a worst one between them is lower."""
+    both = {name: (one.worst.frequency, one.frame["f1_hz"].min()) for name, one in maps.items()}
+    if all(f"{worst:.3f}" == f"{lowest:.3f}" for worst, lowest in both.values()):
+        return ""
+    words = ", ".join(f"{name} {lowest:.3f} Hz".strip() for name, (_, lowest) in both.items())
+    return f"the worst is sought between the poses too; {LOWEST}: {words}"
+
+
 def _bands_sheet(frequencies: FrequencyMap) -> Sheet:
-    """The worst frequency within the file's bands, or why there is none at their soft end."""
+    """The lowest frequency within the file's bands, or why there is none at their soft end."""
     machine, bands = frequencies.machine, Bands.shown(frequencies.machine)
     try:
-        return bands_sheet(machine, bands, {"worst": frequencies.band})
+        return bands_sheet(machine, bands, {LOWEST: frequencies.band})
     except PoseError as error:
         return Sheet(title=BANDS_TITLE, rows=(("softest", "unstable"),), note=str(error))
 
@@ -106,8 +117,8 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
             spread = (f"{value:.3f}" for value in of_case.loc[payload])
             case = f"{label}, {payload}" if label else str(payload)
             rows.append((case, f"{len(part)}", *spread))
-    title = "Lowest coupled frequency over the workspace [Hz]"
-    columns = ("payload", "poses", "min", "5 %", "50 %", "95 %")
+    title = "Lowest coupled frequency at the poses of the workspace [Hz]"
+    columns = ("payload", "poses", "lowest", "5 %", "50 %", "95 %")
     return Sheet(title=title, columns=columns, rows=tuple(rows))
 
 

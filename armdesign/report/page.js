@@ -102,7 +102,8 @@
   const scene = JSON.parse(holder.textContent);
   const table = (packed) => {
     const bytes = Uint8Array.from(atob(packed.base64), (c) => c.charCodeAt(0));
-    const whole = new Int16Array(bytes.buffer), width = packed.scale.length, rows = [];
+    const whole = new (packed.bits === 32 ? Int32Array : Int16Array)(bytes.buffer);
+    const width = packed.scale.length, rows = [];
     for (let at = 0; at < whole.length; at += width) {
       rows.push(packed.scale.map((scale, k) => whole[at + k] * scale));
     }
@@ -277,6 +278,7 @@
     const [left, right, low, high] = box(one), size = Math.max(right - left, high - low);
     const room = 0.06 * size, wide = right - left + 2 * room, tall = high - low + 2 * room;
     svg.setAttribute("viewBox", [left - room, -high - room, wide, tall].join(" "));
+    svg.style.aspectRatio ||= `${wide} / ${tall}`;  // of the first pose; others fit into its place
     const width = wide / Math.max(Math.min(svg.clientWidth, svg.clientHeight * wide / tall), 200);
     svg.replaceChildren();
     const from = [left - room, one.ground], to = [right + room, one.ground];
@@ -333,10 +335,11 @@
     [element.value, element.textContent] = [value, words];
     select.append(element);
   };
-  option(controls.case, 0, "all, the worst counts");
+  option(controls.case, 0, "all, the lowest counts");
   scene.cases.forEach((name, k) => option(controls.case, k + 1, name));
   scene.planes.forEach(({ x, y }, k) => option(controls.plane, k, y ? `${x.name}, ${y.name}` : x.name));
 
+  const LEAST = ["lowest of the poses", "least 5 % of a cell", "least median of a cell"];
   let shown = machines.map(() => []);
   const model = (name) => {
     for (const one of Bokeh.documents) {
@@ -349,20 +352,20 @@
     const { x, y } = plane, count = y ? y.middles.length : 1;
     const data = { x: [], y: [], width: [], height: [], value: [], words: [], pose: [], load: [], part: [], spread: [], frequency: [], others: [] };
     for (const row of rows) {
-      const [, , cell, pose] = one.cells[row], [worst, low, middle] = one.frequencies[row];
+      const [, , cell, pose] = one.cells[row], [lowest, low, middle] = one.frequencies[row];
       data.x.push(x.middles[Math.floor(cell / count)]);
       data.value.push(one.frequencies[row][statistic]);
       data.y.push(y ? y.middles[cell % count] : data.value.at(-1));
       data.width.push(x.width);
       data.height.push(y ? y.width : 0);
       const hertz = frequency(one, pose), loops = one.loops && one.loops[pose];
-      data.words.push(`${(loops ? loops[0] : hertz).toFixed(3)} Hz, the worst of the cell`);
+      data.words.push(`${(loops ? loops[0] : hertz).toFixed(3)} Hz, the lowest of the cell`);
       data.pose.push(poseWords(one, pose));
       data.load.push(loadCase(one, pose));
       data.part.push(loops ? narrowest(one, pose) : limiting(one, pose));
       data.frequency.push(`${hertz.toFixed(3)} Hz, limited by ${limiting(one, pose)}`);
       data.others.push(loops ? `common gains ${loops[1].toFixed(3)}, no pressure feedback ${loops[2].toFixed(3)} Hz` : "");
-      data.spread.push(`worst ${worst.toFixed(3)}, 5 % ${low.toFixed(3)}, median ${middle.toFixed(3)} Hz`);
+      data.spread.push(`lowest ${lowest.toFixed(3)}, 5 % ${low.toFixed(3)}, median ${middle.toFixed(3)} Hz`);
     }
     return data;
   };
@@ -388,7 +391,7 @@
       map.below[0].axis_label = axisLabel(plane.x);
       map.left[0].axis_label = plane.y ? axisLabel(plane.y) : scene.quantity;
       const least = Math.min(...data[k].value);
-      map.title.text = values.length ? `${one.label}: least cell ${least.toFixed(3)} Hz` : one.label;
+      map.title.text = values.length ? `${one.label}: ${LEAST[statistic]} ${least.toFixed(3)} Hz` : one.label;
       source.selected.indices = [];
       source.data = data[k];
       const at = data[k].value.indexOf(least);

@@ -11,6 +11,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from armdesign.report.sheet import Sheet
+from armdesign.report.unreadable import COMMAND, VERSION
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -34,11 +35,11 @@ class Origin:
         now = datetime.now(UTC)
         libraries = ", ".join(f"{name} {version(name)}" for name in ("pin", "numpy", "scipy"))
         rows = [
-            ("armdesign", version("armdesign")),
+            (VERSION, version("armdesign")),
             ("Python", f"{platform.python_version()} on {platform.system()}; {libraries}"),
             ("begun", f"{self.begun:%Y-%m-%d %H:%M:%S} UTC"),
             ("written", f"{now:%Y-%m-%d %H:%M:%S} UTC, {(now - self.begun).seconds} s later"),
-            ("command", self.command),
+            (COMMAND, self.command),
             ("options", ", ".join(f"{k} = {_words(v)}" for k, v in self.options.items())),
         ]
         for label, machine in machines.items():

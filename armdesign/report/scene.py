@@ -3,7 +3,7 @@
 The maps are of frequency or of bandwidth. A cell is a rectangle of two joints, under one load case
 or all. Its worst pose is kept with what draws the machine there: matrices that place its bodies,
 places of the pins that no body carries, joints, and how far these go in each of the lowest modes.
-Numbers are packed; places are rounded to less than 1 mm.
+Numbers are packed: places are finer than 1 mm, joints and frequencies rounded as they are printed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from armdesign.drawing.swing import PictureJoints, Swing, Swings, picture_joints
 from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
-from armdesign.report.packed import Packed, packed, whole
+from armdesign.report.packed import Packed, packed, rounded, whole
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ PERCENTS = (5.0, 50.0)
 FREQUENCY = "lowest coupled natural frequency [Hz]"
 BANDWIDTH = "bandwidth of the narrowest loop [Hz]"
 SCHEMES = ("own", "damped", "proportional")  # of control, the first one on the map
-MILLIHERTZ = 1e-3  # [Hz] to which frequencies are rounded, as in every table
+DECIMALS = 3  # of frequencies [Hz], as in every table
 IN_PLATE = 1e-3  # [m] by which a pin may leave the plate of its body
 
 
@@ -73,7 +73,8 @@ class DrawnMachine:
         cells: columns plane, load case (0: all), cell (y fastest), pose.
         frequencies: of each cell [Hz]: lowest, then percentiles ``PERCENTS``.
         poses: columns load case (from 1), then the limiting part of each mode.
-        positions: of each pose: joints in their axes' units, then the frequency of each mode [Hz].
+        positions: of each pose, as printed: joints in their axes' units, then the frequency of
+            each mode [Hz].
         standing: matrix (2, 3) of the first body, which never moves, row by row.
         placements: of each pose: matrices of the other bodies, then places of loose points.
         joints: what moves each body but the first: body that carries it, whether it is a hinge.
@@ -297,16 +298,16 @@ def _drawn_machine(
     swings = Swings(machine=machine, bodies=view.bodies, size=view.size)
     moved, joints = (swings.of(q, shapes[..., k]) for k in modes), picture_joints(machine, q)
     loose = _loose(view, carriers := _carriers(view, machine))
-    factors = np.array([1 / units.table[joint.unit][0] for joint in machine.arm.joints])
-    steps = np.repeat([0.0, MILLIHERTZ], [len(factors), lowest.shape[1]])
-    step = MILLIHERTZ if mapped.loops is None else 0.0
+    kinds = [units.table[joint.unit] for joint in machine.arm.joints]
+    printed = q / np.array([factor for factor, *_ in kinds])
+    decimals = [*(digits for *_, digits in kinds), *lowest.shape[1] * [DECIMALS]]
     return DrawnMachine(
         label=label,
         parts=tuple(part.name for part in machine.yielding),
         cells=whole(np.column_stack([cells.table[:, :3], place.ravel() + 1])),
-        frequencies=packed(cells.frequencies, steps=step),
+        frequencies=rounded(cells.frequencies, cells.frequencies.shape[1] * [DECIMALS]),
         poses=whole(np.column_stack([case + 1, limits])),
-        positions=packed(np.column_stack([q * factors, lowest]), steps=steps),
+        positions=rounded(np.column_stack([printed, lowest]), decimals),
         standing=tuple(view.placements[0, 0].ravel().tolist()),
         placements=packed(_numbers(view, loose)),
         joints=tuple(zip(joints.carriers, joints.hinges, strict=True)),
@@ -320,8 +321,13 @@ def _drawn_machine(
         cylinders=_cylinders(view, machine),
         bars=tuple(vars(bar) for bar in view.bars),
         ground=view.ground,
-        loops=None if mapped.loops is None else packed(mapped.loops[rows]),
+        loops=None if mapped.loops is None else _loops(mapped.loops[rows]),
     )
+
+
+def _loops(loops: Array) -> Packed:
+    """Bandwidths of the ``SCHEMES`` [Hz] and the narrowest loop of each pose (n, 4)."""
+    return rounded(loops, [*len(SCHEMES) * [DECIMALS], 0])
 
 
 def _ways(joints: PictureJoints, swing: Swing) -> Array:

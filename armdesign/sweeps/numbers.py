@@ -18,7 +18,8 @@ Numbers = Mapping[str, Any]
 
 BANDWIDTHS = ("bandwidth_before_hz", "bandwidth_of_best_frequency_hz", "bandwidth_after_hz")
 MEANINGS = {
-    "worst_hz": "lowest natural frequency over the workspace, all load cases [Hz]",
+    "worst_hz": "worst natural frequency, sought between the poses of the workspace too, of all"
+    " load cases [Hz]",
     "payload_at_worst": "load case of the worst pose",
     "cylinder_at_worst": "actuator or spring that limits the frequency at the worst pose",
     "<joint>_at_worst": "coordinate of a joint at the worst pose [rad or m]",
@@ -27,7 +28,7 @@ MEANINGS = {
     "before_hz": "worst frequency of today's machine [Hz]",
     "after_hz": "worst frequency of the new machine [Hz]",
     "gain": "of the worst frequency, with the file's values; 0.1 is 10 %",
-    "least_gain": "least gain within the bands; null without bands",
+    "least_gain": "least gain within the bands, of the lowest of the poses; null without bands",
     "unrounded_hz": "worst frequency of the design before rounding [Hz]: where it was made for"
     " bands, within them; where for the least gain within them, that gain times before_hz",
     "bound_hz": "what no design of this kind exceeds, as unrounded_hz [Hz]; null where none is"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.file import machine_file
 from armdesign.machine.file.toml_reading import read_toml
-from armdesign.machine.loading import load, shipped
+from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from armdesign.sweeps.tasks import task_named
 
@@ -26,12 +26,12 @@ KEYS = {
 WORDS = {str: "a text", list: "a list", dict: "a table", int: "a whole number"}
 
 
-def read_study(path: Path, *, allow_outside: bool = False) -> dict[str, Any]:
+def read_study(path: Path, load: Callable[[str | Path], Machine]) -> dict[str, Any]:
     """Arguments of ``sweep`` that a study file states.
 
     Args:
         path: of the file; its machines and CSV file are relative to it.
-        allow_outside: as of ``load``.
+        load: reads a machine.
 
     Raises:
         ArmDesignError: a file that cannot be read, or a key or value that no study has.
@@ -40,7 +40,7 @@ def read_study(path: Path, *, allow_outside: bool = False) -> dict[str, Any]:
     _check(data, path.name)
     task_named(data.get("task", "map"))
     names = data["machine"] if isinstance(data["machine"], list) else [data["machine"]]
-    machines = [_machine(name, path, allow_outside) for name in names]
+    machines = [load(_machine(name, path)) for name in names]
     plain = ("task", "payloads", "points", "requirements", "options")
     return {
         "machine": machines,
@@ -65,14 +65,14 @@ def _check(data: Mapping[str, Any], name: str) -> None:
         raise ArmDesignError(name, fault, "leave all but one out")
 
 
-def _machine(name: Any, path: Path, allow_outside: bool) -> Machine:
-    """A machine by its name, or by its path from the folder of the study."""
+def _machine(name: Any, path: Path) -> str | Path:
+    """Name of a shipped machine, or path of another, which is from the folder of the study."""
     if not isinstance(name, str):
         remedy = "give names or paths"
         raise ArmDesignError(f"{path.name}: machine", f"{name!r} is no machine", remedy)
     beside = path.parent / name
     known = name in shipped() and not beside.is_file()
-    return load(name if known else beside, allow_outside=allow_outside)
+    return name if known else beside
 
 
 def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:

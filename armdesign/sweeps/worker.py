@@ -114,7 +114,7 @@ def answer(name: str, case: Case) -> Outcome:
 def _answer(study: Study, case: Case) -> dict[str, Any]:
     machine = study.machines[case.machine]
     if case.changes:
-        machine = changed_machine(machine, case.changes).loaded_like(machine)
+        machine = changed_machine(machine, case.changes, "sweep").loaded_like(machine)
     if case.payload is not None:
         machine = machine.with_payload(case.payload)
         machine = replace(machine, payloads=(machine.payload,))

@@ -357,7 +357,9 @@ def test_trade_off_for_bands() -> None:
     sheet = pareto_sheet(front)
     assert sheet.columns[3:5] == ("in the bands", "least gain")
     assert {len(row) for row in sheet.rows} == {len(sheet.columns)}
-    assert "worst within the bands" in [line.get_label() for line in front.plot().lines][2]
+    assert (
+        "lowest of the poses in the bands" in [line.get_label() for line in front.plot().lines][2]
+    )
 
 
 @pytest.mark.slow
@@ -409,7 +411,7 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
     ):
         design = ad.size_cylinders(stated, workspace, **given.get(made_for, {}))
         first, sheet = design_sheets(design)[:2]
-        assert sheet.title.startswith("Worst frequency within the bands")
+        assert sheet.title.startswith("Lowest frequency of the poses within the bands")
         assert sheet.rows[0][1:] == tuple(
             f"{f:.3f} Hz"
             for f in (

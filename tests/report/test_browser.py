@@ -251,6 +251,55 @@ def test_nothing_is_wider_than_the_screen(width: int, browser: Any, written: Pat
     assert not wrong
 
 
+@pytest.fixture(scope="module")
+def tall(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map's page of a machine that stands upright in its worst pose."""
+    machine = ad.load("patu_boom")
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 4))
+    provenance = Origin.begin("armdesign map patu_boom", {}).sheet({"": machine})
+    report = map_report(frequencies, map_sheets(frequencies), (), provenance)
+    path = tmp_path_factory.mktemp("tall") / "report.html"
+    path.write_text(page(report, path.parent), encoding="utf-8")
+    return path
+
+
+DRAWN = """() => {
+  const parts = [...document.querySelectorAll('#drawing .body, #drawing .pin')];
+  const boxes = parts.map((one) => one.getBoundingClientRect());
+  const of = (side) => boxes.map((box) => box[side]);
+  const ends = (low, high) => Math.max(...of(high)) - Math.min(...of(low));
+  return [ends('left', 'right'), ends('top', 'bottom')];
+}"""
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_a_tall_machine_fills_its_place(width: int, browser: Any, tall: Path) -> None:
+    """It is as high as the screen allows, or as wide; the place stays as other poses are shown."""
+    tab, wrong = opened(browser, tall, width)
+    across, up = tab.evaluate(DRAWN)
+    assert up > 0.6 * 900 or across > 0.8 * width
+    before = tab.evaluate("document.querySelector('#drawing').getBoundingClientRect().height")
+    x, y = cell_at(tab, 0, 0)
+    tab.mouse.click(x, y)
+    tab.wait_for_timeout(200)
+    after = tab.evaluate("document.querySelector('#drawing').getBoundingClientRect().height")
+    assert before == after <= 0.75 * 900
+    assert not wrong
+
+
+@pytest.mark.parametrize("paper", ["A4", "Letter"])
+def test_a_tall_machine_stands_on_the_first_sheet(paper: str, browser: Any, tall: Path) -> None:
+    """With its head, a hand's breadth high or more."""
+    from pypdf import PdfReader
+
+    tab, _ = opened(browser, tall)
+    words = compact(tab.inner_text("#pose"))
+    assert words in compact(PdfReader(io.BytesIO(tab.pdf(format=paper))).pages[0].extract_text())
+    tab.set_viewport_size({"width": 696, "height": 900})
+    tab.emulate_media(media="print")
+    assert tab.evaluate(DRAWN)[1] > 100 / 25.4 * 96
+
+
 def compact(text: str) -> str:
     """Text without spaces, and with letters in place of ligatures."""
     return "".join(unicodedata.normalize("NFKC", text).split())

@@ -9,9 +9,12 @@ import pytest
 
 import armdesign as ad
 from armdesign.report.comparison import compare
+from armdesign.report.maps import between_poses, map_sheets
+from armdesign.report.scene import scene_of
 from armdesign.units import SI, WORKSHOP
 from tests import machines
 from tests.commands import Refused, main
+from tests.report.test_packed import read
 
 EXCAVATOR = machines.named("excavator_20t")
 CHANGES = {"cylinder.boom.bore_mm": 126, "cylinder.boom.closed_length_mm": 1825}
@@ -68,6 +71,9 @@ def test_a_version_that_cannot_take_the_poses_has_its_own_workspace() -> None:
     comparison = compare(EXCAVATOR, EXCAVATOR.replace({"cylinder.stick.stroke_mm": 1300}), 4)
     assert not comparison.same_workspace
     assert comparison.sheets()[0].note == "each in its own workspace"
+    names = list(comparison.maps)
+    words = f"The cylinders of {names[1]} do not reach all poses of {names[0]}: "
+    assert comparison.sentences == [f"{words}each is mapped in its own workspace."]
 
 
 @pytest.mark.slow
@@ -84,6 +90,42 @@ def test_two_machines_with_other_joints_cylinders_and_load_cases() -> None:
         frame.loc["load.worst", "excavator_20t"]
     )
     comparison.plot("reach")
+    (said,) = comparison.sentences
+    assert said.startswith(
+        "The joints differ (paper_1dof: boom; excavator_20t: boom, stick, bucket): each is mapped"
+    )
+    assert "no overlay.png is drawn" in said
+
+
+@pytest.mark.slow
+def test_other_links_are_the_reason_for_other_workspaces() -> None:
+    comparison = compare(EXCAVATOR, machines.named("excavator_12t"), 2)
+    assert comparison.sentences == ["The links differ: each is mapped in its own workspace."]
+
+
+def test_the_lowest_pose_is_told_beside_a_worst_one_between_poses() -> None:
+    """The tested machine is softest off this grid, the shipped ones at a corner of it."""
+    machine = machines.named("spatial")
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 3))
+    lowest = frequencies.frame["f1_hz"].min()
+    assert frequencies.worst.frequency < 0.9 * lowest
+    words = f"the worst is sought between the poses too; lowest of the poses: {lowest:.3f} Hz"
+    assert between_poses({"": frequencies}) == words
+    head, of_bands, spread, *_ = map_sheets(frequencies)
+    assert head.rows[0] == ("worst frequency", f"{frequencies.worst.frequency:.3f} Hz")
+    assert head.note.startswith(words)
+    assert (of_bands.rows[0][0], of_bands.rows[0][2]) == (
+        "lowest of the poses",
+        f"{lowest:.3f} Hz",
+    )
+    assert f"{lowest:.3f}" in [row[spread.columns.index("lowest")] for row in spread.rows]
+    (drawn,) = scene_of({"today": frequencies}).machines
+    everywhere = read(drawn.cells)[:, 1] == 0
+    assert f"{read(drawn.frequencies)[everywhere, 0].min():.3f}" == f"{lowest:.3f}"
+    one = ad.load("paper_1dof")
+    known = ad.frequency_map(one, ad.Workspace.grid(one, 3))
+    assert between_poses({"": known}) == ""
+    assert between_poses({"a": known, "b": frequencies}).endswith(f", b {lowest:.3f} Hz")
 
 
 @pytest.mark.slow

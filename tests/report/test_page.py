@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import hashlib
 import json
 import re
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +20,24 @@ from armdesign.arrays import Array
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import side_view
 from armdesign.drawing.swing import Swings, picture_joints
-from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
+from armdesign.machine.poses import pose_text
+from armdesign.plots.charts import Chart, Curve
+from armdesign.report.contents import FORMAT, HeadlineNumber, Picture, Report, ReportSection
 from armdesign.report.map_reports import map_report
 from armdesign.report.maps import map_sheets
 from armdesign.report.packed import Packed
 from armdesign.report.page import page, sortable
 from armdesign.report.provenance import Origin
-from armdesign.report.scene import bandwidth_scene, scene_of
+from armdesign.report.scene import (
+    CellAxis,
+    CellPlane,
+    DrawnMachine,
+    MapScene,
+    bandwidth_scene,
+    scene_of,
+)
 from armdesign.report.sheet import Sheet
+from armdesign.units import SI, WORKSHOP, Units
 from tests.commands import main
 
 
@@ -36,15 +48,28 @@ def two_joints() -> ad.FrequencyMap:
 
 
 def unpacked(table: Packed) -> Array:
-    whole = np.frombuffer(base64.b64decode(table.base64), "<i2")
+    """As the page's script reads it."""
+    whole = np.frombuffer(base64.b64decode(table.base64), f"<i{table.bits // 8}")
     numbers: Array = whole.reshape(-1, len(table.scale)) * np.array(table.scale)
     return numbers
 
 
-def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
+def exact(frequencies: ad.FrequencyMap, drawn: DrawnMachine) -> Array:
+    """Poses (n, nq) [rad] whose positions are packed as printed [deg]."""
+    printed = np.radians(unpacked(drawn.positions)[:, : len(frequencies.machine.joints)])
+    known = frequencies.frame[list(frequencies.machine.joints)].to_numpy(float)
+    away = np.abs(printed[:, None] - known).max(axis=2)
+    q = known[away.argmin(axis=1)]
+    q[0] = frequencies.worst.q
+    assert np.degrees(np.abs(printed - q).max()) <= 0.05 + 1e-9
+    return q
+
+
+@pytest.mark.parametrize("units", [WORKSHOP, SI])
+def test_cells_hold_the_lowest_frequency_and_its_pose(units: Units) -> None:
     """By brute force over the rows of the map, for every plane, load case and cell."""
     frequencies = two_joints()
-    scene = scene_of({"today": frequencies})
+    scene, factor = scene_of({"today": frequencies}, units), units.table["rad"][0]
     (drawn,), frame = scene.machines, frequencies.frame
     cells, values, positions = (
         unpacked(table) for table in (drawn.cells, drawn.frequencies, drawn.positions)
@@ -55,8 +80,8 @@ def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
         assert y is not None
         near = {}
         for axis in (x, y):
-            degrees = np.degrees(frame[axis.name].to_numpy())
-            near[axis.name] = np.abs(degrees[:, None] - np.array(axis.middles)).argmin(axis=1)
+            shown = frame[axis.name].to_numpy() / factor
+            near[axis.name] = np.abs(shown[:, None] - np.array(axis.middles)).argmin(axis=1)
         place = near[x.name] * len(y.middles) + near[y.name]
         for case, name in enumerate(["", *scene.cases]):
             of_case = (frame["payload"] == name) if name else np.ones(len(frame), bool)
@@ -69,8 +94,12 @@ def test_cells_hold_the_lowest_frequency_and_its_pose() -> None:
                 assert values[row, 0] <= values[row, 1] <= values[row, 2]
                 pose = positions[int(cells[row, 3])]
                 assert f"{pose[len(joints)]:.3f}" == printed
-                worst = np.degrees(frame.loc[least.idxmin(), joints].to_numpy(float))
-                assert pose[: len(joints)] == pytest.approx(worst, abs=0.01)
+                words = (
+                    f"{name} {value:.{digits}f}{unit if unit == '°' else ' ' + unit}"
+                    for (name, unit, digits), value in zip(scene.joints, pose, strict=False)
+                )
+                q = frame.loc[least.idxmin(), joints].to_numpy(float)
+                assert ", ".join(words) == pose_text(frequencies.machine, q, units)
                 checked += 1
     assert checked > 100
 
@@ -88,7 +117,7 @@ def test_drawings_place_every_pin_within_2_mm() -> None:
     """From the packed numbers as the page's script reads them, against the side view."""
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
-    q = np.radians(unpacked(drawn.positions)[:, :3])
+    q = exact(frequencies, drawn)
     view, numbers = side_view(frequencies.machine, q), unpacked(drawn.placements)
     standing = np.broadcast_to(np.array(drawn.standing), (len(q), 6))
     bodies = len(drawn.bodies)
@@ -124,10 +153,10 @@ def test_cells_of_bandwidth_hold_the_least_of_their_poses() -> None:
         cells[everywhere, 2], cells[everywhere, 3], values[everywhere, 0], strict=True
     ):
         own = frame[nearest == cell].sort_values("own_hz").iloc[0]
-        assert value == pytest.approx(own["own_hz"], rel=1e-3)
-        reached = own[["own_hz", "damped_hz", "proportional_hz"]].to_numpy(dtype=float)
-        assert loops[int(pose), :3] == pytest.approx(reached, rel=1e-3)
-    assert loops[0, 0] == pytest.approx(frame["own_hz"].min(), rel=1e-3)
+        assert f"{value:.3f}" == f"{own['own_hz']:.3f}"
+        reached = own[["own_hz", "damped_hz", "proportional_hz"]]
+        assert [f"{one:.3f}" for one in loops[int(pose), :3]] == [f"{one:.3f}" for one in reached]
+    assert f"{loops[0, 0]:.3f}" == f"{frame['own_hz'].min():.3f}"
 
 
 @pytest.mark.slow
@@ -143,7 +172,7 @@ def test_machines_of_other_joints_have_no_common_scene() -> None:
 def test_the_first_pose_is_the_worst_of_all() -> None:
     frequencies = two_joints()
     (drawn,) = scene_of({"today": frequencies}).machines
-    assert unpacked(drawn.positions)[0, 3] == pytest.approx(frequencies.worst.frequency, abs=1e-4)
+    assert f"{unpacked(drawn.positions)[0, 3]:.3f}" == f"{frequencies.worst.frequency:.3f}"
     limiting = drawn.parts[int(unpacked(drawn.poses)[0, 1])]
     assert limiting == frequencies.worst.cylinder
 
@@ -156,12 +185,13 @@ def test_three_modes_have_their_frequencies_and_motions() -> None:
     positions, cases = unpacked(drawn.positions), unpacked(drawn.poses)[:, 0]
     count = len(drawn.joints) + 1
     swings = unpacked(drawn.swings).reshape(len(positions), -1, count)
-    view = side_view(frequencies.machine, np.radians(positions[:1, :3]))
+    poses = exact(frequencies, drawn)
+    view = side_view(frequencies.machine, poses[:1])
     for case, payload in enumerate(frequencies.machine.payloads, 1):
         machine, rows = frequencies.machine.with_payload(payload.name), cases == case
-        q = np.radians(positions[rows, :3])
+        q = poses[rows]
         modes = ad.natural_modes(machine.at(q))
-        assert positions[rows, 3:] == pytest.approx(modes.frequencies[:, :3], rel=1e-3)
+        assert positions[rows, 3:] == pytest.approx(modes.frequencies[:, :3], abs=5.1e-4)
         turns = picture_joints(machine, q).turns
         scale = Swings(machine=machine, bodies=view.bodies, size=view.size)
         for mode in range(3):
@@ -247,13 +277,37 @@ def test_report_writes_the_same_page_again(
     }
 
 
+def written(**changes: object) -> str:
+    """A report.json of another version, or of this one where the title is wrong."""
+    writer = version("armdesign") if "title" in changes else "0.0.0"
+    provenance = {"title": "", "rows": [["armdesign", writer], ["command", "x"], ["y"]]}
+    plain = {"title": "", "lead": "", "sections": [{"title": "", "sheets": [provenance]}]}
+    return json.dumps({**plain, "format": FORMAT, **changes})
+
+
+def test_the_format_has_a_new_number_where_what_is_kept_changes() -> None:
+    """Pinned: a field more or less, or of another type, is another format."""
+    kinds = Report, HeadlineNumber, Picture, ReportSection, Sheet, Chart, Curve, MapScene
+    fields = [
+        f"{kind.__name__}.{field.name}: {field.type}"
+        for kind in (*kinds, DrawnMachine, Packed, CellPlane, CellAxis)
+        for field in dataclasses.fields(kind)
+    ]
+    digest = hashlib.sha256("\n".join(fields).encode()).hexdigest()[:16]
+    assert {FORMAT: digest} == {2: "1d2b57f56ee9e44e"}
+
+
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
         (None, "no report.json is there; write one by armdesign design"),
-        ("{", "is no report: the file"),
-        ('{"title": 3, "lead": "", "sections": []}', "is no report: title"),
-        ('{"title": "", "lead": "", "sections": [], "format": 9}', "has format 9"),
+        ("{", "is damaged: it ends or breaks off at line 1, column 2; run the command"),
+        ("[1]", "is damaged: it is no report; run the command that wrote the folder again"),
+        (f"{200_000 * '['}", "is damaged: "),
+        (written(title=3), "is damaged: title is not what armdesign writes there; make it anew"),
+        (written(format=1), "(0.0.0, format 1); this one, {ours}, reads format 2; make it anew"),
+        (written(scene=0), "another version of armdesign wrote it (0.0.0); this one, {ours}, "),
+        ('{"title": "", "lead": "", "sections": [], "format": 9}', "wrote it (format 9); this"),
     ],
 )
 def test_report_refuses_in_one_line(
@@ -266,7 +320,9 @@ def test_report_refuses_in_one_line(
     if text is not None:
         (tmp_path / "report.json").write_text(text, encoding="utf-8")
     assert main(["report", str(tmp_path)], monkeypatch) == 2
-    assert fault in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert fault.format(ours=version("armdesign")) in said
+    assert said.count("\n") == 1
     assert not (tmp_path / "report.html").exists()
 
 
@@ -306,4 +362,4 @@ def test_a_report_survives_its_file() -> None:
     assert titles[-1] == "Provenance"
     assert [number.name for number in report.headline] == ["rigid", "nominal", "softest"]
     data: dict[str, Any] = json.loads(report.text())
-    assert data["format"] == 1
+    assert data["format"] == FORMAT
