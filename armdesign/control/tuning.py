@@ -16,9 +16,10 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.control.controller import CORNER, Controller, Filter, closed_loop
+from armdesign.control.controller import CORNER, Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.loops import FINE, LoopFigures, Loops
+from armdesign.control.stability import stability, stable
 from armdesign.units import bar
 
 LOSS_FACTORS = (
@@ -236,9 +237,9 @@ def settled(task: Task, controller: Controller, least: Controller | None = None)
     those of controllers that hold, ``least`` (None: 0), which remain where no reduction is enough.
     """
     least = least or task.controller(*map(np.zeros, task.shapes))
-    poles = np.linalg.eigvals(closed_loop(task.plant, controller)[0])
-    loops, share = Loops.of(task.plant, FINE, poles), np.zeros(len(poles))
-    rows, decays = np.flatnonzero(controller.position.any(axis=1)), _decays(task.plant, poles)
+    decays, ringing = stability(task.plant, controller)
+    loops, share = Loops.of(task.plant, FINE, ringing), np.zeros(len(decays))
+    rows = np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
         less = _between(least, controller, np.full(len(share), tried))
         rows_kept = rows[loops.holds(less, task.aim.margin, rows)]
@@ -261,11 +262,6 @@ def _between(least: Controller, most: Controller, share: Array) -> Controller:
     return replace(most, position=position, pressure=pressure)
 
 
-def stable(plant: LoopPlant, controller: Controller) -> Flags:
-    """Whether each closed loop is stable (n,), by its eigenvalues, but for what creeps anyway."""
-    return _decays(plant, np.linalg.eigvals(closed_loop(plant, controller)[0]))
-
-
 def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
     """Factor on all position gains at which each loop becomes unstable (n,), by eigenvalues.
 
@@ -280,6 +276,3 @@ def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
         low, high = np.where(holds, middle, low), np.where(holds, high, middle)
     return np.where(controller.position.any(axis=1), np.sqrt(low * high), 0.0)
 
-
-def _decays(plant: LoopPlant, poles: Array) -> Flags:
-    return np.asarray(poles.real.max(axis=1) < plant.fastest_creep)

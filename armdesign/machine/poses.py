@@ -27,7 +27,7 @@ from armdesign.mechanism.joint_ranges import DEAD_CENTRE
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.short_repr import short_repr
-from armdesign.units import SI, Units, deg, outward
+from armdesign.units import WORKSHOP, Units, deg, outward
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -271,7 +271,7 @@ def _singular(machine: Machine, q: Array, arms: Array) -> PoseError:
     held &= (machine.margins(near) >= 0).all(axis=1)
     remedy = "choose another pose"
     if held.any():
-        remedy = f"the nearest pose that is not: {pose_text(machine, near[held.argmax()])}"
+        remedy = f"the nearest pose that is not: {pose_text(machine, near[held.argmax()], decimals=2)}"
     fault = (
         f"singular at {pose_text(machine, q)}: a cylinder of {joint.name} is at its dead centre"
     )
@@ -336,18 +336,23 @@ def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
     low, high = case.limits
     nearest = (low + high) / 2 + case.from_middle(machine.arm, first)[0]
     fault = (
-        f"the {case.link} has a pitch of {nearest / deg:.1f} deg"
+        f"the {case.link} has a pitch of {nearest / deg:.1f}°"
         f" at {pose_text(machine, positions[unheld][0])}, it holds the load at"
-        f" {low / deg:g}…{high / deg:g} deg"
+        f" {low / deg:g}…{high / deg:g}°"
     )
     part = f"{machine.name}: payload {case.name}"
     raise PoseError(part, fault, "choose another pose or load case")
 
 
-def pose_text(machine: Machine, q: Array, units: Units = SI) -> str:
-    """Joint positions (nq,) in words."""
+def pose_text(
+    machine: Machine, q: Array, units: Units = WORKSHOP, decimals: int | None = None
+) -> str:
+    """Joint positions (nq,) in words: the one place that writes a pose, in errors as in tables.
+
+    ``decimals`` where somebody is to take the pose; None: as usual in these units.
+    """
     return ", ".join(
-        f"{joint.name} {units.text(value, joint.unit)}"
+        f"{joint.name} {units.text(value, joint.unit, decimals)}"
         for joint, value in zip(machine.arm.joints, q, strict=True)
     )
 
@@ -355,5 +360,6 @@ def pose_text(machine: Machine, q: Array, units: Units = SI) -> str:
 def _range_text(machine: Machine, linkage: Linkage) -> str:
     ranges = ((machine.arm.joints[j], *machine.ranges[j]) for j in linkage.joints)
     return " and ".join(
-        f'joint "{joint.name}" [{low:.4f}, {high:.4f}] {joint.unit}' for joint, low, high in ranges
+        f'joint "{joint.name}" {WORKSHOP.span(low, high, joint.unit)}'
+        for joint, low, high in ranges
     )

@@ -132,17 +132,18 @@ def _calmest(planned: Callable[[float], Move], shares: Sequence[float]) -> Move:
 
 
 def _refuse_options(machine: Machine, options: dict[str, float], modes: int | None) -> None:
-    """Refuse options out of their range."""
-    allowed = {"share": "[0.01, 1]", "spread": "[0, 1)", "settled": "(0, inf)"}
-    for name, value in options.items():
-        within = {
-            "share": 0.01 <= value <= 1,
-            "spread": 0 <= value < 1,
-            "settled": 0 < value < math.inf,
-        }
-        if not within[name]:
-            fault = f"{value:g} is not in {allowed[name]}"
-            raise ArmDesignError(f"{machine.name}: move: {name}", fault, "give one in it")
+    """Refuse options out of their range, with the nearest value that works."""
+    share, spread, settled = (options[name] for name in ("share", "spread", "settled"))
+    near_share, near_spread = (1 if share > 1 else 0.01), (0.9 if spread >= 1 else 0)
+    rules = {
+        "share": (0.01 <= share <= 1, "[0.01, 1]", f"{near_share:g}, as --share {near_share:g}"),
+        "spread": (0 <= spread < 1, "[0, 1)", f"{near_spread:g}, as --spread {near_spread:g}"),
+        "settled": (0 < settled < math.inf, "(0, inf) m", "a distance, as settled=0.005"),
+    }
+    for name, (inside, allowed, remedy) in rules.items():
+        if not inside:
+            fault = f"{options[name]:g} is not in {allowed}"
+            raise ArmDesignError(f"{machine.name}: move: {name}", fault, f"give {remedy}")
     if modes is not None and modes < 1:
         raise ArmDesignError(
             f"{machine.name}: move: modes", f"{modes} is below 1", "give 1 or more"
