@@ -91,8 +91,8 @@ class Loops(ReadOnly):
 
     def returned(self, controller: Controller) -> Array:
         """I + L_c (n, f, nc, nc): what a command meets that goes once around."""
-        fed = (controller.filtered(self.omega)[:, :, None] * controller.pressure[:, None])[..., None]
-        opened = self._wanted(controller) @ self.positions + fed * self.pressures
+        fed = controller.filtered(self.omega)[:, :, None] * controller.pressure[:, None]
+        opened = self._wanted(controller) @ self.positions + fed[..., None] * self.pressures
         return np.asarray(np.eye(opened.shape[-1]) + opened)
 
     def followed(self, controller: Controller) -> Array:

@@ -271,7 +271,8 @@ def _singular(machine: Machine, q: Array, arms: Array) -> PoseError:
     held &= (machine.margins(near) >= 0).all(axis=1)
     remedy = "choose another pose"
     if held.any():
-        remedy = f"the nearest pose that is not: {pose_text(machine, near[held.argmax()], decimals=2)}"
+        nearest = pose_text(machine, near[held.argmax()], decimals=2)
+        remedy = f"the nearest pose that is not: {nearest}"
     fault = (
         f"singular at {pose_text(machine, q)}: a cylinder of {joint.name} is at its dead centre"
     )

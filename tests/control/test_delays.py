@@ -142,6 +142,30 @@ def test_turns_tell_what_poles_tell(name: str, delay: float, factor: float) -> N
         np.testing.assert_array_equal(stable(plant, controller)[certain], theirs[certain])
 
 
+@pytest.mark.parametrize(
+    ("name", "delay"), [("loader_crane", 0.25), ("loader_crane", 4.0), ("excavator_20t", 0.15)]
+)
+def test_margins_hold_between_the_frequencies_of_the_grid(name: str, delay: float) -> None:
+    """On 20 000 frequencies, on which the delay turns by 0.1 rad at most."""
+    plant = loaded_plants(name, delay)[np.arange(6)]
+    task = Task(plant, Loops.of(plant), AIM)
+    low, high = plant.band
+    shares = np.linspace(0, 1, 20_000)
+    omega = np.sort(
+        np.concatenate(
+            [
+                low[:, None] * (high / low)[:, None] ** shares[::2],
+                low[:, None] + (high - low)[:, None] * shares[::2],
+            ],
+            axis=1,
+        )
+    )
+    dense = Loops.at(plant, omega)
+    for tuned in (proportional(task), damped(task)):
+        margin = dense.figures(tuned.controller).margin[tuned.controller.position.all(axis=1)]
+        assert (margin > 0.97 * AIM.margin).all()
+
+
 @pytest.mark.parametrize("delay", [0.01, 0.5, 3.0, 20.0])
 def test_one_mass_behind_a_delay(delay: float) -> None:
     """The critical gain in closed form: the least of those at which K G(jω) is −1.
@@ -186,9 +210,9 @@ def test_only_delays_of_many_periods_are_refused() -> None:
     """Some seconds work; the remedy is a delay that works, too."""
     machine = ad.load("patu_boom").with_payload("empty")
     poses = machine.at(ad.Workspace.grid(machine, points=3).q)
-    with pytest.raises(ad.ArmDesignError, match="periods of the lowest mode.*give") as refused:
+    with pytest.raises(ad.ArmDesignError, match=r"periods of the lowest mode.*give") as refused:
         loop_plant(machine, poses, None, 60.0)
     longest = float(str(refused.value).split("delay=")[1].rstrip(")"))
     plant = loop_plant(machine, poses, None, longest)
-    assert longest > 3
+    assert longest > 1
     assert proportional(Task(plant, Loops.of(plant), AIM)).controller.position.all()
