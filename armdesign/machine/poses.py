@@ -100,10 +100,10 @@ class Poses(ReadOnly):
     @cached_property
     def stiffness_matrix(self) -> Array:
         """K (n, k, k): minus the derivative of the net torque by q with the oil trapped."""
-        stiffness = self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
-        diagonal = np.einsum("nii->ni", stiffness)
-        diagonal[:, self.q.shape[1] :] += self.spring_stiffness
-        return stiffness
+        springs, nq = self.spring_stiffness, self.q.shape[1]
+        held = np.zeros((len(springs), *self.gravity_stiffness.shape[1:]), springs.dtype)
+        np.einsum("nii->ni", held)[:, nq:] = springs  # complex along a step of theirs
+        return self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness + held
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Axes with the static force of every actuator, pose by pose."""
@@ -209,6 +209,7 @@ def own_joints(moment_arms: Array) -> Array | None:
     return np.asarray(used.argmax(axis=1)) if alone else None
 
 
+ALONE = 3.0  # times the factor of all springs together: one spring that is named alone
 DEAD_CENTRE_STEPS = np.geomspace(0.001, 0.25, 9)  # of a joint's range, beside a dead centre
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 
@@ -302,7 +303,9 @@ def refuse_toppling(machine: Machine, poses: Poses) -> None:
 
 def _too_soft(machine: Machine, q: Array, factors: Array) -> TopplingError:
     """A pose that topples, and how stiff one spring must be, or all, by ``factors`` (ns + 1,)."""
-    chosen, factor = int(factors.argmin()), outward(float(factors.min()), 4, up=True)
+    alone = int(factors[:-1].argmin())  # all together need less, but one is easier to stiffen
+    chosen = alone if factors[alone] <= ALONE * factors[-1] else len(factors) - 1
+    factor = outward(float(factors[chosen]), 4, up=True)
     spring = machine.springs[min(chosen, len(machine.springs) - 1)]
     path = f"spring.{spring.name}.{spring.stiffness_key}"
     stated = float(getattr(machine.section.spring[spring.name], spring.stiffness_key))
