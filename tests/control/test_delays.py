@@ -130,8 +130,9 @@ def test_several_loops_behind_long_delays(name: str, delay: float) -> None:
 def test_turns_tell_what_poles_tell(name: str, delay: float, factor: float) -> None:
     """Against the eigenvalues with the delay approximated up to the fastest mode."""
     plant = loaded_plants(name, delay)
-    task = Task(plant, Loops.of(plant), AIM)
-    for tuned in (proportional(task), damped(task)):
+    filters = (ControlOptions(filter=filter).aim for filter in ("high-pass", "band-pass"))
+    tasks = [Task(plant, Loops.of(plant), aim) for aim in filters]
+    for tuned in (proportional(tasks[0]), *map(damped, tasks)):
         gains = {key: factor * getattr(tuned.controller, key) for key in ("position", "pressure")}
         controller = replace(tuned.controller, **gains)
         rightmost = np.linalg.eigvals(closed_loop(plant, controller)[0]).real.max(axis=1)
