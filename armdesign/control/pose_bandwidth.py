@@ -15,7 +15,7 @@ from armdesign.arrays import Array
 from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
 from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
-from armdesign.control.tuning import CLOSE, EXACT, Task, damped, proportional
+from armdesign.control.tuning import CLOSE, Task, damped, proportional
 from armdesign.errors import PoseError
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
@@ -69,11 +69,12 @@ def common_gains(
 
 
 def pose_bandwidth(
-    machine: Machine, poses: Poses, options: ControlOptions | None = None
+    machine: Machine, poses: Poses, options: ControlOptions | None = None, close: float = CLOSE
 ) -> PoseBandwidth:
     """Bandwidths of a machine at the first of some poses.
 
-    As in a bandwidth map, but for gains of their own, which need a search.
+    As in a bandwidth map, but for gains of their own, which need a search. ``close`` is the factor
+    within which gains are found.
 
     Raises:
         ArmDesignError: no valve, no damping on which a bandwidth could rest, or no margin kept.
@@ -84,7 +85,7 @@ def pose_bandwidth(
     if not workable(machine, one)[0]:
         fault = "valves cannot move all loads both ways"
         raise PoseError(f"{machine.name}: control", fault, "choose another pose or load")
-    reached = common_gains(machine, one, options, EXACT)
+    reached = common_gains(machine, one, options, close)
     return PoseBandwidth(
         damping=float(reached.plant.damping[0, 0]),
         proportional=float(reached.proportional[0]),
