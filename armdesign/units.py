@@ -60,9 +60,9 @@ class Units:
         digits = usual if decimals is None else decimals
         return f"{round(float(value / factor), digits) + 0.0:.{digits}f}"  # 0.0, never -0.0
 
-    def text(self, value: float, unit: str) -> str:
+    def text(self, value: float, unit: str, decimals: int | None = None) -> str:
         """A value [unit, SI] with its unit."""
-        return _joined(self.number(value, unit), self.name(unit))
+        return _joined(self.number(value, unit, decimals), self.name(unit))
 
     def short(self, value: float, unit: str) -> str:
         """A value [unit, SI] with four digits and its unit."""

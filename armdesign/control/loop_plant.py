@@ -32,13 +32,13 @@ from armdesign.machine.poses import Poses
 from armdesign.simulation.damped_modes import fastest_poles
 from armdesign.simulation.linearization import linear_models
 from armdesign.simulation.plant.hydraulics import actuators_of
-from armdesign.units import bar
+from armdesign.units import bar, ms, outward
 
 INDEPENDENT = 1e9  # condition of eigenvectors that lose no more than half of the digits
 LEAKING = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours
 CREEPING = 2.0  # times the rate at which pressures creep apart with no loop closed
-TURNED = 2.0  # ω T [rad] of one of Padé's sections: its phase errs by 1e-5 (ω T)⁷
-MOST_DELAYED = 400  # states of the delay: matrices of a thousand poses fit into memory
+LAGGING = 0.1  # rad, by which a delay lags where loops are still lags
+LONGEST = 30.0  # periods of the lowest mode in a delay: beyond, pressures creep as fast as loops
 AT_ONCE = 30_000  # frequencies, of all poses: their matrices stay below 100 MB
 
 
@@ -85,8 +85,10 @@ class LoopPlant(ReadOnly):
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         picked = {name: value[rows] for name, value in values.items() if name not in shared}
         some = LoopPlant(**{**values, **picked})
-        if "_eigen" in vars(self):  # is not computed again
-            vars(some)["_eigen"] = tuple(each[rows] for each in self._eigen)
+        for name in {"_eigen", "_modal"} & vars(self).keys():  # are not computed again
+            vars(some)[name] = tuple(each[rows] for each in getattr(self, name))
+        if "_defective" in vars(self):
+            vars(some)["_defective"] = self._defective[rows]
         return some
 
     @property
@@ -101,9 +103,12 @@ class LoopPlant(ReadOnly):
         return np.maximum(highest, 0.5 * self.valve_omega.max())
 
     @property
-    def delay_sections(self) -> int:
-        """Number of Padé's sections of the delay, as what is fastest asks for."""
-        return math.ceil(self.fastest.max(initial=0.0) * self.delay / TURNED)
+    def band(self) -> tuple[Array, Array]:
+        """Frequencies (n,), (n,) [rad/s] below which loops are lags, and beyond which small."""
+        low = np.minimum(0.03, 0.3 * self.damping[:, 0]) * self.omega
+        if self.delay:
+            low = np.minimum(low, LAGGING / self.delay)
+        return low, 3 * self.fastest
 
     @cached_property
     def omega(self) -> Array:
@@ -194,7 +199,8 @@ def loop_plant(
     """
     ratio = checked_damping(damping)
     if not 0 <= delay < math.inf:
-        raise ArmDesignError("delay", f"{delay:g} s is not allowed", "give 0 or more")
+        fault = f"{delay / ms:g} ms is not a time of 0 ms or more"
+        raise ArmDesignError("delay", fault, "give one as --delay 20 (in Python delay=0.02)")
     matrices = linear_models(controllable(machine, ratio is not None), poses.q).state_matrix_in_bar
     modes, k, nc = natural_modes(poses), poses.mass_matrix.shape[1], len(machine.actuators)
     rows, areas = slice(k, 2 * k), areas_of(machine.actuators)
@@ -233,16 +239,15 @@ def loop_plant(
 
 
 def _refuse_long(plant: LoopPlant, machine: Machine) -> None:
-    """Refuse a delay of so many periods of what is fastest that loops could not be computed."""
-    most = MOST_DELAYED // (3 * len(plant.valve_omega))  # sections
-    if plant.delay_sections > most:
-        fastest = float(plant.fastest.max()) / (2 * math.pi)
-        longest = math.floor(1e3 * TURNED * most / (2 * math.pi * fastest))
+    """Refuse a delay of so many periods of the lowest mode that no controller would be of use."""
+    lowest = float(plant.frequencies[:, 0].min(initial=math.inf))
+    if plant.delay and plant.delay * lowest > LONGEST:
+        longest = outward(LONGEST / lowest / ms, 3, up=False)
         fault = (
-            f"{plant.delay:g} s is {plant.delay * fastest:.0f} periods of the fastest mode or"
-            f" valve, {fastest:.3g} Hz"
+            f"{plant.delay / ms:g} ms are {plant.delay * lowest:.0f} periods of the lowest mode,"
+            f" {lowest:.3g} Hz"
         )
-        remedy = f"give {longest} ms or less (in Python delay={longest / 1e3:g})"
+        remedy = f"give {longest:g} ms or less (in Python delay={longest * ms:g})"
         raise ArmDesignError(f"{machine.name}: delay", fault, remedy)
 
 

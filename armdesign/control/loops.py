@@ -30,6 +30,7 @@ HALF = math.sqrt(0.5)  # −3 dB
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
 COARSE, FINE = (8, 42, 7), (12, 70, 11)
 ABOUT = 2.5  # half the width of the frequencies about a mode, in ζω
+DELAYED, EACH = 48, 0.5  # frequencies from 0 on behind a delay, and its turn between two [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,38 +55,54 @@ class Loops(ReadOnly):
 
     @classmethod
     def of(
-        cls, plant: LoopPlant, counts: tuple[int, int, int] = COARSE, poles: Array | None = None
+        cls, plant: LoopPlant, counts: tuple[int, int, int] = COARSE, more: Array | None = None
     ) -> Loops:
         """The loops of plants, with frequencies on and about all modes.
 
         Args:
             plant: of n poses.
             counts: frequencies below the modes, among them, and about each one.
-            poles: of closed loops (n, m) [rad/s]: at those that ring most are frequencies too.
+            more: further frequencies (n, m) [rad/s].
         """
         below, among, near = counts
         omega, ratio = 2 * math.pi * plant.frequencies, plant.damping
-        low = np.minimum(0.03, 0.3 * ratio[:, 0]) * omega[:, 0]
-        high = 3 * plant.fastest
+        low, high = plant.band
         middle = 0.4 * omega[:, 0]
         scales = [
             np.geomspace(low, middle, below, endpoint=False, axis=1),
             np.geomspace(middle, high, among, axis=1),
         ]
+        if plant.delay and below:
+            turns = EACH * np.arange(1, DELAYED + 1)
+            scales.append(np.minimum(turns / plant.delay, high[:, None]))
         even = np.linspace(-1, 1, near)
         steps = ABOUT * even * np.abs(even)  # closest together at the peak
         width = np.minimum(ratio, 0.9 / ABOUT)
         about = omega[:, :, None] * (1 + width[:, :, None] * steps)
-        parts = [*scales, about.reshape(len(plant), -1)]
-        if poles is not None:
-            ratio = -poles.real / (np.abs(poles) + 1e-9 * low[:, None])
-            rows = np.argsort(ratio, axis=1)[:, : 4 * omega.shape[1] : 2]  # one of each pair
-            peaks, wide = (np.take_along_axis(of, rows, axis=1) for of in (np.abs(poles), ratio))
-            wide = np.clip(np.abs(wide), 0.0, 0.5)[:, :, None] * np.linspace(-1.5, 1.5, 7)
-            peaks = (peaks[:, :, None] * (1 + wide)).reshape(len(plant), -1)
-            parts.append(np.clip(peaks, low[:, None], high[:, None]))
-        grid = np.sort(np.concatenate(parts, axis=1), axis=1)
-        return cls(grid, *plant.response(grid), plant.moment_arms)
+        parts = [*scales, about.reshape(len(plant), omega.shape[1] * near)]
+        if more is not None:
+            parts.append(more)
+        return cls.at(plant, np.sort(np.concatenate(parts, axis=1), axis=1))
+
+    @classmethod
+    def at(cls, plant: LoopPlant, omega: Array) -> Loops:
+        """The loops of plants at frequencies (n, f), ascending [rad/s]."""
+        return cls(omega, *plant.response(omega), plant.moment_arms)
+
+    def returned(self, controller: Controller) -> Array:
+        """I + L_c (n, f, nc, nc): what a command meets that goes once around."""
+        fed = controller.filtered(self.omega)[:, :, None] * controller.pressure[:, None]
+        opened = self._wanted(controller) @ self.positions + fed[..., None] * self.pressures
+        return np.asarray(np.eye(opened.shape[-1]) + opened)
+
+    def followed(self, controller: Controller) -> Array:
+        """T of each position loop (n, f, nq), the others closed."""
+        moved = np.linalg.solve(self.returned(controller), self._wanted(controller) + 0j)
+        return np.asarray(np.einsum("nfqc,nfcq->nfq", self.positions, moved))
+
+    def _wanted(self, controller: Controller) -> Array:
+        """R K (n, 1, nc, nq)."""
+        return (self.moment_arms * controller.position[:, None])[:, None]
 
     def holds(self, controller: Controller, margin: float, rows: Array) -> Flags:
         """Whether all loops together keep a balanced disk margin at some of the poses (m,).

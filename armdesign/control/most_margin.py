@@ -11,7 +11,7 @@ import numpy as np
 
 from armdesign.control.map_parts import ControlOptions, MapPart
 from armdesign.control.margins import gain_margin_db, of_gain_margin, of_phase_margin, phase_margin
-from armdesign.control.tuning import stable
+from armdesign.control.stability import stable
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
 from armdesign.units import deg, outward

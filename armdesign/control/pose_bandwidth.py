@@ -15,7 +15,7 @@ from armdesign.arrays import Array
 from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
 from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
-from armdesign.control.tuning import Task, damped, proportional
+from armdesign.control.tuning import CLOSE, Task, damped, proportional
 from armdesign.errors import PoseError
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
@@ -50,14 +50,18 @@ class CommonGains(NamedTuple):
     damped: Array
 
 
-def common_gains(machine: Machine, poses: Poses, options: ControlOptions) -> CommonGains:
+def common_gains(
+    machine: Machine, poses: Poses, options: ControlOptions, close: float = CLOSE
+) -> CommonGains:
     """Bandwidths at poses at which the machine can work, see ``workable``.
+
+    ``close`` is the factor within which gains are found.
 
     Raises:
         ArmDesignError: no valve, no damping on which a bandwidth could rest, or no margin kept.
     """
     plant = loop_plant(machine, poses, options.damping, options.delay)
-    task = Task(plant, Loops.of(plant), options.aim)
+    task = Task(plant, Loops.of(plant), options.aim, close)
     simple = proportional(task)
     tuned = (simple, damped(task).or_wider(simple))
     widths = (each.figures.narrowest / (2 * math.pi) for each in tuned)
@@ -65,11 +69,12 @@ def common_gains(machine: Machine, poses: Poses, options: ControlOptions) -> Com
 
 
 def pose_bandwidth(
-    machine: Machine, poses: Poses, options: ControlOptions | None = None
+    machine: Machine, poses: Poses, options: ControlOptions | None = None, close: float = CLOSE
 ) -> PoseBandwidth:
     """Bandwidths of a machine at the first of some poses.
 
-    As in a bandwidth map, but for gains of their own, which need a search.
+    As in a bandwidth map, but for gains of their own, which need a search. ``close`` is the factor
+    within which gains are found.
 
     Raises:
         ArmDesignError: no valve, no damping on which a bandwidth could rest, or no margin kept.
@@ -80,7 +85,7 @@ def pose_bandwidth(
     if not workable(machine, one)[0]:
         fault = "valves cannot move all loads both ways"
         raise PoseError(f"{machine.name}: control", fault, "choose another pose or load")
-    reached = common_gains(machine, one, options)
+    reached = common_gains(machine, one, options, close)
     return PoseBandwidth(
         damping=float(reached.plant.damping[0, 0]),
         proportional=float(reached.proportional[0]),

@@ -9,10 +9,13 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import LoopPlant
+from armdesign.control.loops import Loops
 
 WITHIN = 0.02  # of the step
 NOTABLE = 0.01  # residue, in the step, of a pole that counts
 SLOW = 0.05  # s over the smallest K
+SLOW_POLE = 0.2  # damping ratio: a pole that shows and is damped less peaks in |T| above
+ALIKE = 6.0  # rad: delays that differ by less take as many states
 CREEP = 1e-6  # [ω_1] poles of pressures that move nothing
 
 
@@ -22,7 +25,18 @@ def settling_time(plant: LoopPlant, controller: Controller) -> Array:
     A pole λ shows with its residue C v w B/λ, v and w its right and left eigenvectors. Pressures
     that creep apart of themselves, to the right, do not count.
     """
-    A, B, C = closed_loop(plant, controller)
+    if not plant.delay:
+        return _settling_time(plant, controller, None)
+    turns, settles = _heard(plant, controller) * plant.delay, np.empty(len(plant))
+    steps = np.ceil(turns / ALIKE)
+    for step in np.unique(steps):  # poses whose delay takes as many states
+        rows = np.flatnonzero(steps == step)
+        settles[rows] = _settling_time(plant[rows], controller[rows], step * ALIKE)
+    return settles
+
+
+def _settling_time(plant: LoopPlant, controller: Controller, turns: float | None) -> Array:
+    A, B, C = closed_loop(plant, controller, turns)
     poles, right = np.linalg.eig(A)
     try:
         left = np.linalg.solve(right, B.astype(complex))
@@ -37,6 +51,13 @@ def settling_time(plant: LoopPlant, controller: Controller) -> Array:
         return np.asarray(np.where(slowest < 0, math.log(1 / WITHIN) / -slowest, np.inf))
 
 
+def _heard(plant: LoopPlant, controller: Controller) -> Array:
+    """Frequency (n,) [rad/s] beyond which no pole shows in a step, unless it decays fast."""
+    loops = Loops.of(plant)
+    loud = np.abs(loops.followed(controller)).max(axis=2) > NOTABLE / SLOW_POLE
+    return np.asarray(np.where(loud, loops.omega, 0.0).max(axis=1))
+
+
 def tracking_error(plant: LoopPlant, controller: Controller) -> Array:
     """Error of a move of each joint at constant speed over that speed (n, nq) [s].
 
@@ -44,12 +65,9 @@ def tracking_error(plant: LoopPlant, controller: Controller) -> Array:
     which drifts for hours, does not count; its real part is K, less what gravity's stiffness and
     the filters take. Without feed-forward; inf without gains.
     """
-    A, B, C = closed_loop(plant, controller)
     slowest = np.where(controller.position > 0, controller.position, np.inf).min(axis=1)
-    s = 1j * SLOW * np.where(np.isfinite(slowest), slowest, 1.0)
-    matrix = s[:, None, None] * np.eye(A.shape[1]) - A
-    followed = np.einsum("nii->ni", C @ np.linalg.solve(matrix, B.astype(complex)))
-    missed = 1 - followed
-    gain = np.real(s[:, None] * missed.conj()) / np.maximum(np.abs(missed) ** 2, 1e-24)
+    omega = SLOW * np.where(np.isfinite(slowest), slowest, 1.0)[:, None]
+    missed = 1 - Loops.at(plant, omega).followed(controller)[:, 0]
+    gain = np.real(1j * omega * missed.conj()) / np.maximum(np.abs(missed) ** 2, 1e-24)
     with np.errstate(divide="ignore"):
         return np.where(controller.position > 0, 1 / np.abs(gain), np.inf)

@@ -15,10 +15,11 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
-from armdesign.control.controller import CORNER, Controller, Filter, closed_loop
+from armdesign.arrays import Array
+from armdesign.control.controller import CORNER, Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.loops import FINE, LoopFigures, Loops
+from armdesign.control.stability import stability, stable
 from armdesign.units import bar
 
 LOSS_FACTORS = (
@@ -34,7 +35,8 @@ LOSS_FACTORS = (
 LARGEST, SMALLEST = 1.5, 1e-4  # κ, and of that
 BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ, over the part PASSED
 PASSED = 0.8  # of a mode by valve and delay, Re V: the bound has room for as little
-CLOSE, WIDER = 1.03, 1.03  # factors within which gains are found, and by which others are better
+CLOSE = 1.03  # factor within which gains are found, and by which others are better
+EXACT = 1.00001  # the same where small changes of a machine are to be seen
 # Shares of gains, of which a finer grid allows one; the last ones where the resonance of a mode
 # that is hardly damped lay between the frequencies of the grid.
 RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
@@ -59,11 +61,15 @@ class Aim:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Plants whose controllers are searched, their loops, and the aim."""
+    """Plants whose controllers are searched, their loops, and the aim.
+
+    ``close`` is the factor within which gains are found: ``CLOSE``, or ``EXACT``.
+    """
 
     plant: LoopPlant
     loops: Loops
     aim: Aim
+    close: float = CLOSE
 
     def controller(self, kappa: Array, eta: Array) -> Controller:
         """The controllers (n,) of gains without unit (n, nq), (n, nc)."""
@@ -103,7 +109,7 @@ class Task:
         low, high = np.clip(least, SMALLEST * highest, highest), highest
         rows = self._holding(low, eta, np.arange(n))
         low[np.setdiff1d(np.arange(n), rows)] = 0.0
-        while len(rows) and (high[rows] > CLOSE * low[rows]).any():
+        while len(rows) and (high[rows] > self.close * low[rows]).any():
             middle = np.sqrt(low * high)
             raised = np.isin(np.arange(n), self._holding(middle, eta, rows))
             low, high = np.where(raised, middle, low), np.where(raised, high, middle)
@@ -197,7 +203,7 @@ def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
     """Controllers (n) with the largest κ of all loops that some η of all loops allows."""
     best, chosen = np.zeros((2, len(task.plant)))
     for eta in loss_factors:
-        kappa = _out_of_bands(task, task.largest(eta, WIDER * best), eta, best)
+        kappa = _out_of_bands(task, task.largest(eta, task.close * best), eta, best)
         better = np.flatnonzero(kappa)
         best[better], chosen[better] = kappa[better], eta
     ones, more = (np.ones(shape) for shape in task.shapes)
@@ -236,9 +242,9 @@ def settled(task: Task, controller: Controller, least: Controller | None = None)
     those of controllers that hold, ``least`` (None: 0), which remain where no reduction is enough.
     """
     least = least or task.controller(*map(np.zeros, task.shapes))
-    poles = np.linalg.eigvals(closed_loop(task.plant, controller)[0])
-    loops, share = Loops.of(task.plant, FINE, poles), np.zeros(len(poles))
-    rows, decays = np.flatnonzero(controller.position.any(axis=1)), _decays(task.plant, poles)
+    decays, ringing = stability(task.plant, controller)
+    loops, share = Loops.of(task.plant, FINE, ringing), np.zeros(len(decays))
+    rows = np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
         less = _between(least, controller, np.full(len(share), tried))
         rows_kept = rows[loops.holds(less, task.aim.margin, rows)]
@@ -249,7 +255,24 @@ def settled(task: Task, controller: Controller, least: Controller | None = None)
         rows = np.setdiff1d(rows, rows_kept)
         if len(rows) == 0:
             break
+    if task.close < CLOSE:
+        share = _finer(task, loops, controller, least, share)
     return _between(least, controller, share)
+
+
+def _finer(
+    task: Task, loops: Loops, controller: Controller, least: Controller, share: Array
+) -> Array:
+    """Shares (n,) of gains that hold, raised towards the next of ``RETREATS``, which do not."""
+    tried = np.array(RETREATS[::-1])
+    following = np.minimum(np.searchsorted(tried, share) + 1, len(tried) - 1)
+    above, every = np.where(share > 0, tried[following], 0.0), np.arange(len(share))
+    while (above > task.close * share).any():
+        middle = (share + above) / 2
+        less = _between(least, controller, middle)
+        holds = loops.holds(less, task.aim.margin, every) & stable(task.plant, less)
+        share, above = np.where(holds, middle, share), np.where(holds, above, middle)
+    return share
 
 
 def _between(least: Controller, most: Controller, share: Array) -> Controller:
@@ -261,13 +284,8 @@ def _between(least: Controller, most: Controller, share: Array) -> Controller:
     return replace(most, position=position, pressure=pressure)
 
 
-def stable(plant: LoopPlant, controller: Controller) -> Flags:
-    """Whether each closed loop is stable (n,), by its eigenvalues, but for what creeps anyway."""
-    return _decays(plant, np.linalg.eigvals(closed_loop(plant, controller)[0]))
-
-
 def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
-    """Factor on all position gains at which each loop becomes unstable (n,), by eigenvalues.
+    """Factor on all position gains at which each loop becomes unstable (n,).
 
     At most ``MOST_CRITICAL``; 0 where the gains are 0.
     """
@@ -279,7 +297,3 @@ def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
         holds = stable(plant, raised)
         low, high = np.where(holds, middle, low), np.where(holds, high, middle)
     return np.where(controller.position.any(axis=1), np.sqrt(low * high), 0.0)
-
-
-def _decays(plant: LoopPlant, poles: Array) -> Flags:
-    return np.asarray(poles.real.max(axis=1) < plant.fastest_creep)

@@ -19,6 +19,7 @@ from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
 from armdesign.influence.bandwidth import SCHEMES, at_pose
+from armdesign.influence.estimates import impossible
 from armdesign.influence.family import Family, can_matter, rebuilt
 from armdesign.influence.rivals import WITHIN, Rival, rivals
 from armdesign.influence.slopes import slopes
@@ -112,6 +113,13 @@ class Sensitivity(ReadOnly):
             values.append(number.value + nearest if np.isfinite(nearest) else np.nan)
         return values
 
+    @property
+    def possible_changes(self) -> Array:
+        """``changes`` without linear ones by which the worst frequency would be below zero."""
+        changes = np.array(self.changes)
+        changes[:, :, 0][impossible(self.rivals[0].frequency, self.changes[:, :, 0])] = np.nan
+        return changes
+
     def differences(self, quantity: Callable[[Machine], float], count: int = SHOWN) -> Any:
         """Change of any other quantity, such as a bandwidth, by a natural step of single numbers.
 
@@ -184,7 +192,8 @@ class Sensitivity(ReadOnly):
 
     def _table(self) -> Sheet:
         rows = []
-        for number, (up, down) in zip(self.numbers[:SHOWN], self.changes[:SHOWN], strict=True):
+        shown = self.possible_changes[:SHOWN]
+        for number, (up, down) in zip(self.numbers[:SHOWN], shown, strict=True):
             value = f"{number.value:.5g} {number.unit}".strip()
             cells = (_change(x) for x in (up[0], up[1], down[0], down[1]))
             rows.append((number.path, value, number.step[1], *cells))
@@ -198,7 +207,7 @@ class Sensitivity(ReadOnly):
                 f"{more}{self.left_out} numbers of the file do not matter; up, down: by the"
                 " derivatives of worst pose and rivals; exact: by a search near them; of a"
                 " compliance the step is a share of its stiffness; –: the file cannot have such a"
-                " number"
+                " number, or the straight line ends below 0 Hz"
             ),
         )
 
@@ -232,14 +241,16 @@ def bandwidth_sheet(
     """Change of the bandwidth at the worst pose by a natural step: ``frame`` as a table."""
     pose = sensitivity.rivals[0].pose
     today = at_pose(sensitivity.machine, pose.q, pose.payload, damping)
+    changes = frame.head(SHOWN)[[f"{name}_hz" for name in SCHEMES]].to_numpy(dtype=float)
+    changes = np.where(impossible(today, changes), np.nan, changes)
     rows = [
         (
             str(row["key"]),
             f"{row['value']:.5g} {row['unit']}".strip(),
             str(row["step"]),
-            *(_change(row[f"{name}_hz"]) for name in SCHEMES),
+            *map(_change, both),
         )
-        for _, row in frame.head(SHOWN).iterrows()
+        for (_, row), both in zip(frame.head(SHOWN).iterrows(), changes, strict=True)
     ]
     more = f"{len(frame) - len(rows)} more change it; " if len(frame) > len(rows) else ""
     return Sheet(
@@ -248,7 +259,8 @@ def bandwidth_sheet(
         rows=tuple(rows),
         note=(
             f"{more}today {1e3 * today[0]:.3g} mHz by position gains alone, {1e3 * today[1]:.3g}"
-            " mHz with pressure feedback, of gains common to all joints; by differences"
+            " mHz with pressure feedback, of gains common to all joints; by differences; –: the"
+            " straight line ends below 0"
         ),
     )
 

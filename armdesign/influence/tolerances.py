@@ -211,7 +211,7 @@ class Tolerances(ReadOnly):
             title=f"Worst frequency within the tolerances: {self.machine.name}",
             rows=rows,
             note=(
-                f"at {len(self.rivals)} poses, which follow end stops and pitch limits; a search"
+                f"poses followed past end stops and pitch limits: {len(self.rivals)}; a search"
                 f" near them finds {share_text(near)} less at most, in {found.sum()} of the"
                 " machines"
             ),

@@ -22,6 +22,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.influence.bandwidth import SCHEMES, bandwidths, name_of
 from armdesign.influence.changes import changed_machine, numeric_changes
+from armdesign.influence.estimates import impossible
 from armdesign.influence.family import rebuilt
 from armdesign.influence.rivals import rivals
 from armdesign.influence.slopes import slopes
@@ -29,7 +30,7 @@ from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import numbers_of
 from armdesign.machine.lift_chart import LiftChart, lift_chart_if_any
 from armdesign.machine.machine import Machine
-from armdesign.report.comparison import quantities
+from armdesign.report.comparison import is_position, quantities
 from armdesign.report.sheet import Sheet
 from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units, percent
@@ -58,7 +59,7 @@ class WhatIf:
         after: the map of the changed machine over its own workspace.
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
             change is no number; below zero where it is too large), value after, and relative
-            change by both.
+            change by both (NaN of joint positions, whose zero means nothing).
         missing: why there are no bandwidths; empty where there are, or none are asked for.
         damping: ratio of all modes on which bandwidths rest; None: what the file gives.
     """
@@ -90,7 +91,7 @@ class WhatIf:
         """Which linear estimates are below zero, though no such value is: the change is large."""
         table = self._numeric
         signed = table["unit"].isin(SIGNED) | (table["before"] < 0) | (table["after"] < 0)
-        return np.asarray((table["linear"] < 0) & ~signed)
+        return impossible(table["before"], table["linear"] - table["before"]) & ~signed
 
     @property
     def _numeric(self) -> pd.DataFrame:
@@ -103,7 +104,7 @@ class WhatIf:
         lift = names.str.startswith(LIFT)
         hertz = self.numbers["unit"] == "Hz"
         others = self.numbers[~lift & ~hertz]
-        moved = others[~(others["change"].abs() < UNCHANGED) & others["before"].notna()]
+        moved = others[~self._unchanged(others) & others["before"].notna()]
         unchanged = len(others) - len(moved)
         note = f"{unchanged} others do not change; all are in what_if.csv"
         sheets = [
@@ -114,6 +115,12 @@ class WhatIf:
         if len(charted):
             sheets.append(self._lift(charted))
         return [*sheets, self._sheet("Forces, speeds, pressures, reach", moved, units, note)]
+
+    def _unchanged(self, table: pd.DataFrame) -> Flags:
+        """Which quantities are as before, joint positions to ``UNCHANGED`` [rad, m]."""
+        positions = [is_position(name) for name in table.index]
+        moved = np.where(positions, table["after"] - table["before"], table["change"])
+        return np.asarray(np.abs(moved) < UNCHANGED)
 
     def _changes(self) -> Sheet:
         pairs = self.changes.items()
@@ -164,7 +171,11 @@ class WhatIf:
                 _cell(row[kind], row["unit"], units) for kind in ("before", "linear", "after")
             )
             unit = units.name(row["unit"]) if row["unit"] in units.table else row["unit"]
-            shares = (_percent(row[kind]) for kind in ("linear_change", "change"))
+            if is_position(str(name)):
+                both = (row[kind] - row["before"] for kind in ("linear", "after"))
+                shares = tuple(_difference(change, row["unit"], units) for change in both)
+            else:
+                shares = tuple(_percent(row[kind]) for kind in ("linear_change", "change"))
             head = f"{name} [{unit}]" if unit not in ("", "Hz") else str(name)
             rows.append((head, *values, *shares))
         return Sheet(
@@ -206,6 +217,14 @@ def _cell(value: Any, unit: str, units: Units) -> str:
     if unit not in units.table:
         return f"{value:.4f}"
     return units.number(value, unit)
+
+
+def _difference(change: float, unit: str, units: Units) -> str:
+    """A change of a joint's position [rad, m] with its sign."""
+    if not np.isfinite(change):
+        return "–"
+    words = units.text(abs(change), unit)
+    return f"{'-' if words != units.text(0.0, unit) and change < 0 else '+'}{words}"
 
 
 def _mass(value: float) -> str:
@@ -373,7 +392,7 @@ def _frame(before: Quantities, linear: Mapping[str, float], after: Quantities) -
         unit = (before.get(name) or after[name])[1]
         one, two = (side.get(name, (None, unit))[0] for side in (before, after))
         estimate = linear.get(name, np.nan)
-        numeric = not isinstance(one, str) and one is not None
+        numeric = not isinstance(one, str) and one is not None and not is_position(name)
         shares = [
             value / one - 1 if numeric and one and value is not None else np.nan
             for value in (estimate, two)

@@ -27,7 +27,7 @@ from armdesign.mechanism.joint_ranges import DEAD_CENTRE
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.short_repr import short_repr
-from armdesign.units import SI, Units, deg, outward
+from armdesign.units import WORKSHOP, Units, deg, outward
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -100,10 +100,10 @@ class Poses(ReadOnly):
     @cached_property
     def stiffness_matrix(self) -> Array:
         """K (n, k, k): minus the derivative of the net torque by q with the oil trapped."""
-        stiffness = self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
-        diagonal = np.einsum("nii->ni", stiffness)
-        diagonal[:, self.q.shape[1] :] += self.spring_stiffness
-        return stiffness
+        springs, nq = self.spring_stiffness, self.q.shape[1]
+        held = np.zeros((len(springs), *self.gravity_stiffness.shape[1:]), springs.dtype)
+        np.einsum("nii->ni", held)[:, nq:] = springs  # complex along a step of theirs
+        return self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness + held
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Axes with the static force of every actuator, pose by pose."""
@@ -209,6 +209,7 @@ def own_joints(moment_arms: Array) -> Array | None:
     return np.asarray(used.argmax(axis=1)) if alone else None
 
 
+ALONE = 3.0  # times the factor of all springs together: one spring that is named alone
 DEAD_CENTRE_STEPS = np.geomspace(0.001, 0.25, 9)  # of a joint's range, beside a dead centre
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 
@@ -271,7 +272,8 @@ def _singular(machine: Machine, q: Array, arms: Array) -> PoseError:
     held &= (machine.margins(near) >= 0).all(axis=1)
     remedy = "choose another pose"
     if held.any():
-        remedy = f"the nearest pose that is not: {pose_text(machine, near[held.argmax()])}"
+        nearest = pose_text(machine, near[held.argmax()], decimals=2)
+        remedy = f"the nearest pose that is not: {nearest}"
     fault = (
         f"singular at {pose_text(machine, q)}: a cylinder of {joint.name} is at its dead centre"
     )
@@ -301,7 +303,9 @@ def refuse_toppling(machine: Machine, poses: Poses) -> None:
 
 def _too_soft(machine: Machine, q: Array, factors: Array) -> TopplingError:
     """A pose that topples, and how stiff one spring must be, or all, by ``factors`` (ns + 1,)."""
-    chosen, factor = int(factors.argmin()), outward(float(factors.min()), 4, up=True)
+    alone = int(factors[:-1].argmin())  # all together need less, but one is easier to stiffen
+    chosen = alone if factors[alone] <= ALONE * factors[-1] else len(factors) - 1
+    factor = outward(float(factors[chosen]), 4, up=True)
     spring = machine.springs[min(chosen, len(machine.springs) - 1)]
     path = f"spring.{spring.name}.{spring.stiffness_key}"
     stated = float(getattr(machine.section.spring[spring.name], spring.stiffness_key))
@@ -336,18 +340,23 @@ def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
     low, high = case.limits
     nearest = (low + high) / 2 + case.from_middle(machine.arm, first)[0]
     fault = (
-        f"the {case.link} has a pitch of {nearest / deg:.1f} deg"
+        f"the {case.link} has a pitch of {nearest / deg:.1f}°"
         f" at {pose_text(machine, positions[unheld][0])}, it holds the load at"
-        f" {low / deg:g}…{high / deg:g} deg"
+        f" {low / deg:g}…{high / deg:g}°"
     )
     part = f"{machine.name}: payload {case.name}"
     raise PoseError(part, fault, "choose another pose or load case")
 
 
-def pose_text(machine: Machine, q: Array, units: Units = SI) -> str:
-    """Joint positions (nq,) in words."""
+def pose_text(
+    machine: Machine, q: Array, units: Units = WORKSHOP, decimals: int | None = None
+) -> str:
+    """Joint positions (nq,) in words: the one place that writes a pose, in errors as in tables.
+
+    ``decimals`` where somebody is to take the pose; None: as usual in these units.
+    """
     return ", ".join(
-        f"{joint.name} {units.text(value, joint.unit)}"
+        f"{joint.name} {units.text(value, joint.unit, decimals)}"
         for joint, value in zip(machine.arm.joints, q, strict=True)
     )
 
@@ -355,5 +364,6 @@ def pose_text(machine: Machine, q: Array, units: Units = SI) -> str:
 def _range_text(machine: Machine, linkage: Linkage) -> str:
     ranges = ((machine.arm.joints[j], *machine.ranges[j]) for j in linkage.joints)
     return " and ".join(
-        f'joint "{joint.name}" [{low:.4f}, {high:.4f}] {joint.unit}' for joint, low, high in ranges
+        f'joint "{joint.name}" {WORKSHOP.span(low, high, joint.unit)}'
+        for joint, low, high in ranges
     )

@@ -14,6 +14,7 @@ from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.units import WORKSHOP
 
 SAMPLES = 721  # of a joint's limits, at which its range is searched
 DEAD_CENTRE = 1e-6  # [m/rad] moment arm below which a cylinder is at its dead centre
@@ -127,7 +128,7 @@ class _JointRange:
     def _refuse_never_closed(self, values: Array, closes: list[Flags]) -> None:
         for (linkage, cylinder), closed in zip(self.pairs, closes, strict=True):
             if not closed.any():
-                limits = f"[{values[0]:.4f}, {values[-1]:.4f}] {self._unit}"
+                limits = WORKSHOP.span(values[0], values[-1], self._unit)
                 fault = f'does not close at any "{self._name}" in {limits}'
                 raise self._fault(f"{cylinder.name}.{linkage.key}", fault, linkage.closing_words)
 
@@ -138,7 +139,7 @@ class _JointRange:
                 if 0 <= k < len(values) and not closed[k]:
                     bars = ", ".join(f"{bar}_mm" for bar in linkage.bar_names)
                     remedy = f"change {bars} or the pins, or tighten the joint's limits"
-                    where = f'"{self._name}" = {values[k]:.4f} {self._unit}'
+                    where = f'"{self._name}" = {WORKSHOP.text(values[k], self._unit)}'
                     fault = f"opens at {where}, before stroke or joint limit ends the motion"
                     raise self._fault(f"{cylinder.name}.{linkage.key}", fault, remedy)
 
@@ -173,7 +174,7 @@ class _JointRange:
             least = int(np.argmin(np.abs(moment_arm)))
             crosses = np.any(np.sign(moment_arm) != np.sign(moment_arm[0]))
             if crosses or np.abs(moment_arm[least]) < DEAD_CENTRE:
-                where = f'"{self._name}" = {values[least]:.4f}'
+                where = f'"{self._name}" = {WORKSHOP.text(values[least], self._unit)}'
                 fault = f"is at its dead centre at {where}: no moment arm (singular pose)"
                 tighten = "tighten the joint's limits so that the range stays on one side"
                 raise self._fault(cylinder.name, fault, f"move its pins or {tighten}")

@@ -152,16 +152,23 @@ def _calmest(planned: Callable[[float], Move], shares: Sequence[float]) -> Move:
 
 
 def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> None:
-    """Refuse a share and options out of their range."""
+    """Refuse a share and options out of their range, with the nearest value that works."""
     spread, settled, modes = options["spread"], options["settled"], options["modes"]
-    for name, value, interval, within in (
-        ("share", share, "[0.01, 1]", 0.01 <= share <= 1),
-        ("spread", spread, "[0, 1)", 0 <= spread < 1),
-        ("settled", settled, "(0, inf)", 0 < settled < math.inf),
+    near_share, near_spread = (1 if share > 1 else 0.01), (0.9 if spread >= 1 else 0)
+    for name, value, inside, allowed, remedy in (
+        (
+            "share",
+            share,
+            0.01 <= share <= 1,
+            "[0.01, 1]",
+            f"{near_share}, as --share {near_share}",
+        ),
+        ("spread", spread, 0 <= spread < 1, "[0, 1)", f"{near_spread}, as --spread {near_spread}"),
+        ("settled", settled, 0 < settled < math.inf, "(0, inf) m", "a distance, as settled=0.005"),
     ):
-        if not within:
-            fault = f"{value:g} is not in {interval}"
-            raise ArmDesignError(f"{machine.name}: move: {name}", fault, "give one in it")
+        if not inside:
+            fault = f"{value:g} is not in {allowed}"
+            raise ArmDesignError(f"{machine.name}: move: {name}", fault, f"give {remedy}")
     if modes is not None and modes < 1:
         raise ArmDesignError(
             f"{machine.name}: move: modes", f"{modes} is below 1", "give 1 or more"

@@ -23,7 +23,7 @@ def tornado(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
 
     Of a bar that leaves the axes its end is written on it.
     """
-    numbers, changes = sensitivity.numbers[:DRAWN], 1e3 * sensitivity.changes[:DRAWN]
+    numbers, changes = sensitivity.numbers[:DRAWN], 1e3 * sensitivity.possible_changes[:DRAWN]
     ax = figure(1, 8.5, 1.2 + 0.27 * max(len(numbers), 4))[1][0] if ax is None else ax
     rows = np.arange(len(numbers))
     for way, (colour, label) in enumerate(((COMPUTED, "step up"), (MARK, "step down"))):

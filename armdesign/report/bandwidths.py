@@ -290,7 +290,7 @@ def _promises_sheet(maps: Mapping[str, BandwidthMap]) -> Sheet:
         for column, name in (("merritt_hz", "Merritt, K < 2ζω"), ("rule_hz", "rule f/3")):
             reached = works["proportional_hz"].where(works["proportional_hz"] > 0)
             ratios = works[column] / reached
-            there = worst[column] / worst["proportional_hz"]
+            there = worst[column] / (worst["proportional_hz"] or np.nan)
             case = f"{label}: {name}" if len(maps) > 1 else name
             rows.append(
                 (

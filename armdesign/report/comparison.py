@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from armdesign.machine.lift_chart import LiftChart
     from armdesign.plots.canvas import Figure
 
+WORST_POSE = ".worst"  # after the load case, in names of what stands at its worst pose
 SHOWN = 40  # differing keys that are printed; the CSV has them all
 
 
@@ -76,6 +77,8 @@ class Comparison:
     def frame(self) -> pd.DataFrame:
         """One row for each compared quantity: name, SI unit, both values, relative change.
 
+        Joint positions, whose zero means nothing, have no relative change.
+
         Values of the files follow as they are written there, in the unit that their key names:
         their unit is "file".
         """
@@ -88,7 +91,7 @@ class Comparison:
             rows.append((name, unit, *(values.get(name, (None,))[0] for values in (one, other))))
         rows += [(path, "file", *map(_words, pair)) for path, pair in self.differences.items()]
         frame = pd.DataFrame(rows, columns=["quantity", "unit", *self.maps], dtype=object)
-        frame["change"] = [_change(a, b) for _, _, a, b in rows]
+        frame["change"] = [None if is_position(n) else _change(a, b) for n, _, a, b in rows]
         return frame.map(lambda x: float(f"{x:.9g}") if isinstance(x, float) else x)
 
     def items(self, units: Units = WORKSHOP) -> list[Sheet | str]:
@@ -212,6 +215,11 @@ def _labels(first: Machine, second: Machine) -> tuple[str, str]:
     return f"{first.name} A", f"{first.name} B"
 
 
+def is_position(name: str) -> bool:
+    """Whether a quantity is the position of a joint at a worst pose."""
+    return f"{WORST_POSE}." in name
+
+
 def quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     """Value and SI unit of everything that the comparison writes, by name."""
     machine = frequencies.machine
@@ -219,9 +227,9 @@ def quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     spread = frequencies.percentiles((5, 50, 95))
     for payload, worst in frequencies.worst_of.items():
         values[f"{payload}.worst"] = (worst.frequency, "Hz")
-        values[f"{payload}.worst.cylinder"] = (worst.cylinder, "")
+        values[f"{payload}{WORST_POSE}.cylinder"] = (worst.cylinder, "")
         for joint, position in zip(machine.arm.joints, worst.q, strict=True):
-            values[f"{payload}.worst.{joint.name}"] = (float(position), joint.unit)
+            values[f"{payload}{WORST_POSE}.{joint.name}"] = (float(position), joint.unit)
         for rank, value in zip((5, 50, 95), spread.loc[payload], strict=True):
             values[f"{payload}.percentile_{rank}"] = (float(value), "Hz")
     for name, share in frequencies.limiting_shares.items():

@@ -106,7 +106,8 @@ def _unstable(machine: Machine, q: Array) -> SimulationError:
     held = way[_stable(machine.evaluate(machine.rigid_poses(way)))] if len(way) else way
     remedy = "choose a lighter load, or stiffer oil and structure"
     if len(held):
-        remedy = f"the nearest stable pose towards mid range is {pose_text(machine, held[0])}"
+        nearest = pose_text(machine, held[0], decimals=2)
+        remedy = f"the nearest stable pose towards mid range is {nearest}"
     return SimulationError(f"{machine.name}: operating point", fault, remedy)
 
 

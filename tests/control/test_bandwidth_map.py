@@ -12,7 +12,8 @@ import armdesign as ad
 from armdesign.control.bandwidth_map import SCHEMES
 from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import FINE, Loops
-from armdesign.control.tuning import Aim, Task, proportional, stable
+from armdesign.control.stability import stable
+from armdesign.control.tuning import Aim, Task, proportional
 from armdesign.report.bandwidths import bandwidth_sheets
 from armdesign.units import deg
 from tests.control.machines import single_pose

@@ -87,8 +87,11 @@ def test_two_machines_stand_side_by_side(
             "corner: 0 Hz (0 rad/s) is not allowed; give one above 0",
         ),
         (["patu_boom", "--corner", "-2"], "corner: -2 Hz (-12.5664 rad/s) is not allowed"),
-        (["patu_boom", "--delay", "-3"], "0 or more"),
-        (["patu_boom", "--delay", "60000"], "delay: 60 s is 2"),
+        (
+            ["patu_boom", "--delay", "-3"],
+            "-3 ms is not a time of 0 ms or more; give one as --delay",
+        ),
+        (["patu_boom", "--delay", "60000"], "delay: 60000 ms are 1068 periods of the lowest mode"),
         (["nowhere"], "no such machine"),
     ],
 )

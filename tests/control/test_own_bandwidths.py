@@ -16,7 +16,8 @@ from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.own_bandwidths import STARTS, Schemes, _next
-from armdesign.control.tuning import Task, safe, stable
+from armdesign.control.stability import stable
+from armdesign.control.tuning import Task, safe
 from tests.control.machines import (
     WORST,
     many_plants,

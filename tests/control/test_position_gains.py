@@ -16,7 +16,8 @@ from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.position_gains import individual
 from armdesign.control.settling import WITHIN, settling_time, tracking_error
-from armdesign.control.tuning import Task, proportional, stable
+from armdesign.control.stability import stable
+from armdesign.control.tuning import Task, proportional
 from tests.control.machines import many_plants, margin_of_loop
 
 SLOW = pytest.mark.slow

@@ -140,3 +140,12 @@ def test_a_mass_that_grows_lowers_the_eigenvalue() -> None:
     one = np.ones((1, 1))
     both_slopes = eigenvalue_slopes(one, 2 * one, one[None], 0 * one[None])
     np.testing.assert_allclose(both_slopes, [[-2.0, -2.0]])
+
+
+def test_a_number_alone_has_the_slope_that_it_has_among_all() -> None:
+    """Of a machine on springs: a stiffness that steps alone was a traceback."""
+    machine, rival = worst("rocking", points=3)
+    numbers = list(numbers_of(machine.section).values())
+    together = slopes(machine, rival, numbers)
+    alone = np.concatenate([slopes(machine, rival, [number]) for number in numbers])
+    np.testing.assert_allclose(alone, together, rtol=1e-9, atol=1e-12 * np.abs(together).max())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -256,3 +257,17 @@ def test_the_commands_write_their_tables(
     assert len(table) == 100
     assert np.all(table["worst_hz"] > 7)
     assert "worst frequency of at least 7.000 Hz (stated)" in capsys.readouterr().out
+
+
+def test_joints_of_worst_poses_change_by_degrees() -> None:
+    """The worst pose's boom from 66.1° to 63.5°: no share of an angle means anything."""
+    answer = ad.what_if(ad.load("excavator_20t"), {"cylinder.boom.base.at_mm.0": 600.0}, POINTS)
+    boom = row(answer, "empty.worst.boom")
+    turned = math.degrees(boom["after"] - boom["before"])
+    assert abs(turned) > 1
+    assert np.isnan(boom["change"])
+    assert np.isnan(boom["linear_change"])
+    cells = {cells[0]: cells for cells in answer.sheets()[-1].rows}
+    assert cells["empty.worst.boom [°]"][-1] == f"{turned:+.1f}°"
+    assert "empty.worst.stick [°]" not in cells or cells["empty.worst.stick [°]"][-1] != "+0.0°"
+    assert cells["boom.joint_speed_least_extending [°/s]"][-1].endswith(" %")

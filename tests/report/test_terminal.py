@@ -20,7 +20,7 @@ from armdesign.output import show, tell
 from armdesign.report.contents import HeadlineNumber, Report, ReportSection
 from armdesign.report.page import page
 from armdesign.report.sheet import Sheet
-from armdesign.units import WORKSHOP, deg
+from armdesign.units import SI, deg
 from tests import machines
 from tests.commands import assert_one_line, main
 
@@ -233,5 +233,5 @@ def test_a_long_word_is_folded_and_numbers_stay_whole(capsys: pytest.CaptureFixt
 
 def test_a_pose_in_words_has_the_units_of_a_workshop_or_si() -> None:
     machine = machines.named("paper_1dof")
-    assert pose_text(machine, np.array([-10 * deg])) == "boom -0.1745 rad"
-    assert pose_text(machine, np.array([-10 * deg]), WORKSHOP) == "boom -10.0°"
+    assert pose_text(machine, np.array([-10 * deg]), SI) == "boom -0.1745 rad"
+    assert pose_text(machine, np.array([-10 * deg])) == "boom -10.0°"

@@ -228,8 +228,8 @@ def test_unstable_poses_are_told_with_a_stable_one() -> None:
     with pytest.raises(SimulationError, match="unstable on its trapped oil at boom") as error:
         ad.linearize(machine, worst)
     pose = error.value.remedy.partition("mid range is ")[2]
-    stable = [float(word.split()[1]) for word in pose.split(", ")]
-    assert ad.linearize(machine, stable).stable
+    stable = [float(word.split()[1].rstrip("°")) for word in pose.split(", ")]
+    assert ad.linearize(machine, np.radians(stable)).stable
 
 
 @pytest.mark.parametrize("opening", [-0.2, 0.2])

@@ -235,8 +235,8 @@ def test_faults_of_load_cases(excavator: Machine) -> None:
         (-5.0, r"payload: -5 kg is not allowed; give a mass in \[0, ∞\) kg"),
         (
             "full",
-            "payload full: the bucket has a pitch of 251.1 deg at boom 0.3000 rad, .* it holds the"
-            " load at 120…240 deg; choose another pose or load case",
+            "payload full: the bucket has a pitch of 251.1° at boom 17.2°, .* it holds the"
+            " load at 120…240°; choose another pose or load case",
         ),
     ):
         with pytest.raises(ad.ArmDesignError, match=problem) as caught:
