@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from functools import partial
 
 from armdesign.options import (
@@ -14,7 +13,7 @@ from armdesign.options import (
     StudyArgument,
 )
 from armdesign.output import command_line, kept
-from armdesign.runs import Run, command
+from armdesign.runs import Run, command, processors
 
 JOURNAL = "sweep.sqlite"
 
@@ -44,7 +43,7 @@ def sweep(
         with run.progress("sweeping"):
             answers = swept(
                 **read_study(study, allow_outside=allow_outside),
-                workers=_processors() if workers is None else workers,
+                workers=processors() if workers is None else workers,
                 scheduler=scheduler or None,
                 journal=out / JOURNAL,
                 new=new,
@@ -61,9 +60,3 @@ def sweep(
             table.to_parquet(folder / "sweep.parquet", index=False)
     again = [f"A worker died; done again: {name}." for name in answers.retried]
     run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})
-
-
-def _processors() -> int:
-    """Processors that this process may use."""
-    counted = getattr(os, "sched_getaffinity", None)
-    return len(counted(0)) if counted else os.cpu_count() or 1
