@@ -56,7 +56,7 @@ def finished_design(
 
 
 def answer_of(found: Design | InfeasibleError, problem: Problem) -> dict[str, Any] | None:
-    """Entry of a design of a problem, or of why there is none; None where that would not be all."""
+    """Entry of a design of a problem or of why there is none; None where it would not be all."""
     return _refusal(found) if isinstance(found, InfeasibleError) else kept(found, problem)
 
 

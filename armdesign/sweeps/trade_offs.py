@@ -1,16 +1,16 @@
 """``pareto``: the best design under each value of one limit, as a sweep.
 
 Each value is a case with starts of its own, so that processes share them and any number of them
-gives the same designs. What meets a tight limit meets a looser one: then each point, from the
-tightest on, is searched from its tighter neighbour's design too, and keeps the better of both. So
-it cannot be worse than its neighbour, but for rounding to a drawing's grid.
+gives the same designs. What meets a tight limit meets a looser one: from the tightest on, a point
+that came out worse than its tighter neighbour is searched from that one's design too. So none is
+worse than its neighbour, but for rounding to a drawing's grid.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from armdesign.arguments import checked
@@ -31,6 +31,8 @@ from armdesign.machine.machine import Machine
 from armdesign.progress import counted, note_rounds
 from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.sweep import sweep
+
+WORSE = 1e-6  # share of the frequency before rounding
 
 Found = Design | InfeasibleError
 
@@ -63,8 +65,8 @@ def pareto(
             "pin_box": ``pin_box`` [m], pins with a box of their own keep that.
         values: of the limit, in any order; some around today's if None.
         vary: as in ``optimize``.
-        starts: how many starts each point has as in ``optimize``; its tighter neighbour is one
-            more.
+        starts: how many starts each point has, as in ``optimize``; where that is worse than its
+            tighter neighbour, the neighbour's design is one more.
         seed: of the drawn starts.
         workers: processes that share the values.
         bands: as in ``optimize``: every design is made for them.
@@ -205,17 +207,18 @@ class _TradeOff:
     def _search_from_neighbours(
         self, problems: Mapping[float, Problem], found: dict[float, Found]
     ) -> None:
-        """Take what is found from the tighter neighbour's design where that is better."""
+        """Search points that are worse than their tighter neighbour from its design, too."""
         tighter: Design | None = None
         for limit in counted(problems, "value"):
-            own = found[limit]
-            if tighter is not None and (isinstance(own, InfeasibleError) or not own.best_sizes):
+            if tighter is not None and _is_worse(found[limit], tighter):
                 near = {"limit": limit, **self.options, "start": tighter}
-                where = {"workspace": self.workspace, "options": near}
-                (one,) = sweep(self.machine, task=best_under, **where).outcomes
-                found[limit] = _better(own, self._read(limit, one, problems))
-            if isinstance(found[limit], Design):
-                tighter = found[limit]
+                answers = sweep(
+                    self.machine, task=best_under, options=near, workspace=self.workspace
+                )
+                other = self._read(limit, answers.outcomes[0], problems)
+                found[limit] = other if _is_worse(found[limit], other) else found[limit]
+            one = found[limit]
+            tighter = one if isinstance(one, Design) else tighter
 
     def _read(self, limit: float, one: Entry, problems: Mapping[float, Problem]) -> Found:
         """What a case has found.
@@ -239,11 +242,11 @@ class _TradeOff:
         )
 
 
-def _better(one: Found, other: Found) -> Found:
-    """The design of the higher frequency, the first where they are as good."""
+def _is_worse(one: Found, other: Found) -> bool:
+    """Whether the other is a design of a higher frequency."""
     if isinstance(one, InfeasibleError) or isinstance(other, InfeasibleError):
-        return other if isinstance(one, InfeasibleError) else one
-    return other if other.unrounded > one.unrounded else one
+        return isinstance(other, Design)
+    return one.unrounded < (1 - WORSE) * other.unrounded
 
 
 def _why(machine: Machine, error: InfeasibleError) -> str:

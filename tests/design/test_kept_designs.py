@@ -21,9 +21,16 @@ def refusal() -> ad.InfeasibleError:
 
 def test_a_refusal_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With all that is said of it, and its amounts as numbers."""
-    with pytest.raises(KeyboardInterrupt), keeping(tmp_path / "j.sqlite"):
-        first = refusal()
-        raise KeyboardInterrupt
+    found: list[ad.InfeasibleError] = []
+
+    def interrupted() -> None:
+        with keeping(tmp_path / "j.sqlite"):
+            found.append(refusal())
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    (first,) = found
 
     def no_search(*_: object) -> None:
         raise AssertionError("searched again")
