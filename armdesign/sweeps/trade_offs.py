@@ -175,7 +175,7 @@ class _TradeOff:
         except KeyboardInterrupt as stop:
             front = self._of(found)
             if not front.designs:
-                raise
+                raise KeyboardInterrupt from stop
             stopped = Stopped(front)
             note_rounds(stopped)
             raise stopped from stop
