@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from armdesign.design.least import least as least
     from armdesign.design.optimize import size_cylinders as size_cylinders
     from armdesign.design.pareto import Pareto as Pareto
-    from armdesign.design.pareto import pareto as pareto
     from armdesign.design.requirements.settings import Requirements as Requirements
     from armdesign.design.steps import DesignStep as DesignStep
     from armdesign.design.steps import Steps as Steps
@@ -97,6 +96,7 @@ if TYPE_CHECKING:
     from armdesign.simulation.validation import validate as validate
     from armdesign.sweeps.sweep import Sweep as Sweep
     from armdesign.sweeps.sweep import sweep as sweep
+    from armdesign.sweeps.trade_offs import pareto as pareto
 
 _NAMES = {  # public names by the module that has them
     "errors": "ArmDesignError InfeasibleError",
@@ -114,7 +114,7 @@ _NAMES = {  # public names by the module that has them
     "design.design": "Design",
     "design.optimize": "size_cylinders",
     "optimization": "optimize",
-    "design.pareto": "Pareto pareto",
+    "design.pareto": "Pareto",
     "design.steps": "DesignStep Steps steps",
     "design.least": "least",
     "simulation.excitation": "Step SweptSine Table",
@@ -145,6 +145,7 @@ _NAMES = {  # public names by the module that has them
     "influence.tolerances": "Tolerances tolerances",
     "influence.what_if": "WhatIf what_if",
     "sweeps.sweep": "Sweep sweep",
+    "sweeps.trade_offs": "pareto",
     "simulation.identification.frequency_response": "FrequencyResponse frequency_response",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

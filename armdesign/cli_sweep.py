@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from functools import partial
 
 from armdesign.options import FreshOption, ProcessesOption, SchedulerOption, StudyArgument
 from armdesign.output import command_line, kept
-from armdesign.runs import OfMachines, command
+from armdesign.runs import OfMachines, command, processors
 
 JOURNAL = "sweep.sqlite"
 
@@ -37,7 +36,7 @@ def sweep(
         with run.progress("sweeping"):
             answers = swept(
                 **read_study(study, run.load),
-                workers=_processors() if workers is None else workers,
+                workers=processors() if workers is None else workers,
                 scheduler=scheduler or None,
                 journal=out / JOURNAL,
                 new=new,
@@ -54,9 +53,3 @@ def sweep(
             table.to_parquet(folder / "sweep.parquet", index=False)
     again = [f"A worker died; done again: {name}." for name in answers.retried]
     run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})
-
-
-def _processors() -> int:
-    """Processors that this process may use."""
-    counted = getattr(os, "sched_getaffinity", None)
-    return len(counted(0)) if counted else os.cpu_count() or 1

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-
 from armdesign.errors import Stopped
 from armdesign.option_values import listed
 from armdesign.options import AgainstOption, ValuesOption, VaryOption
 from armdesign.output import write_csv
-from armdesign.runs import DrawnSearch, OverWorkspace, SearchOptions, command
+from armdesign.runs import DrawnSearch, OverWorkspace, SearchOptions, command, processors
 
 
 @command
@@ -25,9 +23,9 @@ def pareto(
     Writes pareto.csv and pareto.png.
     """
     from armdesign import plots
-    from armdesign.design.pareto import pareto as trade_off
     from armdesign.design.pareto import read_values
     from armdesign.report.designs import pareto_sheet
+    from armdesign.sweeps.trade_offs import pareto as trade_off
 
     with run.progress("searching for the best design under each limit"):
         limits = read_values(values, against)
@@ -41,7 +39,7 @@ def pareto(
                 against=against,
                 values=limits,
                 vary=listed(vary),
-                **search.settings,
+                **{"workers": processors(), **search.settings},
             )
         except Stopped as stop:
             front, stopped = stop.finished, stop
@@ -69,8 +67,8 @@ def steps(run: OverWorkspace, search: SearchOptions) -> None:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
         run.go_on(out)
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-        answer = with_more_and_more_pins(model, workspace, **{"workers": cores, **search.settings})
+        settings = {"workers": processors(), **search.settings}
+        answer = with_more_and_more_pins(model, workspace, **settings)
         table = answer.frame
     with run.writing(out) as folder:
         write_csv(table, folder / "steps.csv")

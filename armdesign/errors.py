@@ -52,9 +52,9 @@ class ArmDesignError(Exception):
     def tell_line(self, line: int | None, file: str = "") -> None:
         """Say in which line it stands (None: not known), and of which file if not the part's."""
         self.line = line
-        text = f"{self.part}: {self.fault}" + (f"; {self.remedy}" if self.remedy else "")
+        part, fault, remedy = map(_line, (self.part, self.fault, self.remedy))
         place = f" (line {line}{file and f' of {file}'})" if line else ""
-        self.args = (_line(text) + place,)
+        self.args = (f"{part}: {fault}" + (f"; {remedy}" if remedy else "") + place,)
 
     def __reduce__(self) -> tuple[type[ArmDesignError], tuple[str, ...], dict[str, Any]]:
         """Travel whole between processes."""
@@ -129,7 +129,7 @@ def raise_together(errors: Sequence[ArmDesignError]) -> None:
     if different:
         first, *others = different
         words = "; also: ".join(
-            [str(first).removeprefix(_line(f"{first.part}: ") + " "), *map(str, others)]
+            [str(first).removeprefix(f"{_line(first.part)}: "), *map(str, others)]
         )
         raise type(first)(first.part, words)
 

@@ -86,7 +86,7 @@ WorkersOption = Annotated[
         "--workers",
         min=1,
         help="Processes that share the starts, and the poses of simulations; default: 1, for"
-        " steps each core.",
+        " pareto and steps each core.",
     ),
 ]
 PosesWorkersOption = Annotated[

@@ -11,10 +11,12 @@ from pathlib import Path
 
 import pytest
 
+PARETO = "pareto paper_1dof --points 5 --vary areas --out out"
 CASES = [
     (signal.SIGKILL, "optimize paper_1dof --points 5 --out out"),
-    (signal.SIGINT, "pareto paper_1dof --points 5 --values 0.9,1.0,1.1 --vary areas --out out"),
-    (signal.SIGKILL, "pareto paper_1dof --points 5 --values 0.9,1.0,1.1 --vary areas --out out"),
+    (signal.SIGINT, f"{PARETO} --values 0.9,1.0,1.1 --workers 1"),
+    (signal.SIGKILL, f"{PARETO} --values 0.9,1.0,1.1 --workers 1"),
+    (signal.SIGKILL, f"{PARETO} --values 0.9,0.95,1.0,1.02,1.05,1.07,1.1,1.15,1.2 --workers 2"),
     (signal.SIGKILL, "validate paper_1dof --points 5 --out out"),
     (signal.SIGKILL, "design paper_1dof --points 3 --starts 1 --out out"),
     (signal.SIGKILL, "paper --out out"),
@@ -83,7 +85,7 @@ while True:
     disturbs = kills < moments or not left and kills < 10 * moments
     if disturbs:
         seconds *= 1.2 if kills >= moments else 1
-        time.sleep(random.uniform(0.1, 0.6) * seconds)
+        time.sleep(random.uniform(0.2, 0.9) * seconds)
         os.kill(process, number)
         kills += 1
     code = ended(process)

@@ -248,9 +248,9 @@ def test_a_trade_off_keeps_finished_values(
     """Ctrl-C at the third of four values: two are written, and the command for the rest works: it
     writes what the undisturbed one writes.
     """
-    from armdesign.design import pareto
+    from armdesign.sweeps import trade_offs
 
-    real, values = pareto.best_frequency, ["0.97", "0.98", "0.99", "1.0"]
+    real, values = trade_offs.best_frequency, ["0.97", "0.98", "0.99", "1.0"]
     calls = iter(values)
 
     def interrupted(*words: Any, **options: Any) -> Any:
@@ -260,20 +260,20 @@ def test_a_trade_off_keeps_finished_values(
 
     monkeypatch.chdir(tmp_path)
     words = ["pareto", "paper_1dof", f"--values={','.join(values)}", "--vary", "areas"]
-    words += ["--points", "9"]
+    words += ["--points", "9", "--workers", "1"]
     assert main([*words, "--out", "undisturbed"], monkeypatch) == 0
     assert not capsys.readouterr().err
-    monkeypatch.setattr(pareto, "best_frequency", interrupted)
+    monkeypatch.setattr(trade_offs, "best_frequency", interrupted)
     assert main(words, monkeypatch) == 130
     out = Path("out", "pareto_paper_1dof")
     assert pd.read_csv(out / "pareto.csv")["limit"].to_list() == [0.97, 0.98]
     said = capsys.readouterr().err.strip()
     assert said == (
-        "armdesign: interrupted at value 3 of 4; finished files are in out/pareto_paper_1dof/;"
+        "armdesign: interrupted at case 3 of 4; finished files are in out/pareto_paper_1dof/;"
         " what was finished is kept in out/pareto_paper_1dof/pareto.sqlite; go on with: armdesign"
-        " pareto paper_1dof --values=0.97,0.98,0.99,1.0 --vary areas --points 9"
+        " pareto paper_1dof --values=0.97,0.98,0.99,1.0 --vary areas --points 9 --workers 1"
     )
-    monkeypatch.setattr(pareto, "best_frequency", real)
+    monkeypatch.setattr(trade_offs, "best_frequency", real)
     assert main(shlex.split(said.split("armdesign ")[-1]), monkeypatch) == 0
     assert "2 pieces were finished before" in capsys.readouterr().err
     for file in ("pareto.csv", "pareto.png"):

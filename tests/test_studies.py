@@ -311,7 +311,7 @@ def test_recorded_manoeuvre_finds_its_headline() -> None:
         (module.__doc__ or "").replace("\n", " "),
     )
     assert headline is not None
-    table, _ = module.run()
+    table = module.run()
     frequency, damping, pressure = (table[c] for c in table.columns if c.endswith("over measured"))
     assert len(table) == 6
     assert 100 * (frequency - 1).abs().max() <= float(headline[1]) <= 3

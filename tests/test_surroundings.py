@@ -88,6 +88,7 @@ def test_devices_of_windows(name: str, refused: Refused) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (["map", "paper_1dof", "--set", "a" + 20_000 * ".a" + "=1"], "has no such number"),
         (["pareto", "paper_1dof", "--values", "1e300"], "--values: 1e+300 of today's"),
         (["map", ""], "holds no"),
         (["identify", ""], "CSV file: cannot be read"),

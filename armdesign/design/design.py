@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -156,6 +156,11 @@ class Design:
         binding = ", ".join(check.name for check in self.binding) or "nothing"
         reached = f"{self.unrounded:.4g} Hz before rounding"
         return f"of {self.today.name}: {reached}, aim {self.made_for}; binding: {binding}"
+
+    @property
+    def identity(self) -> list[Any]:
+        """Everything in which two that a search starts from can differ."""
+        return [self.problem.identity, self.x.tolist()]
 
     @property
     def catalogue(self) -> bool:

@@ -1,4 +1,4 @@
-"""Designs in a journal: what is kept of them, and the designs of that.
+"""Designs and refusals in a journal: what is kept of them, and the designs and refusals of that.
 
 Kept are the texts and numbers that took long to find. Maps are made anew of them, and requirements
 judged anew.
@@ -14,7 +14,9 @@ import numpy as np
 
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.program.problem import Problem
+from armdesign.design.requirements.record import Concession
 from armdesign.design.search.rounding import CheckedMachine
+from armdesign.errors import InfeasibleError, UntriedError
 from armdesign.journal.finished import Form, finished
 from armdesign.machine.machine import Machine
 
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from armdesign.design.design import Design
 
 NUMBERS = ("prices", "at_margin", "unrounded", "starts", "failed_starts")
+WORDS = ("part", "fault", "remedy", "table", "line", "key")  # of a refusal
+REFUSALS = {kind.__name__: kind for kind in (InfeasibleError, UntriedError)}
 
 
 def finished_design(
@@ -30,8 +34,52 @@ def finished_design(
     """The design of a problem from the journal, or computed and kept there.
 
     ``identity`` is everything beside the problem that decides it.
+
+    Raises:
+        InfeasibleError: there is none, as was found now or before.
     """
-    return finished("design", lambda: [problem.identity, identity], compute, form(make, [problem]))
+
+    def found() -> Design | InfeasibleError:
+        try:
+            return compute()
+        except InfeasibleError as error:
+            return error
+
+    either: Form[Design | InfeasibleError] = Form(
+        write=lambda _, one: answer_of(one, problem),
+        read=lambda _, answer: found_in(make, answer, problem),
+    )
+    one = finished("design", lambda: [problem.identity, identity], found, either)
+    if isinstance(one, InfeasibleError):
+        raise one
+    return one
+
+
+def answer_of(found: Design | InfeasibleError, problem: Problem) -> dict[str, Any] | None:
+    """Entry of a design of a problem or of why there is none; None where it would not be all."""
+    return _refusal(found) if isinstance(found, InfeasibleError) else kept(found, problem)
+
+
+def found_in(
+    make: type[Design], answer: Mapping[str, Any], problem: Problem
+) -> Design | InfeasibleError:
+    """The design of a problem that an entry has, or why there is none."""
+    if "conflict" not in answer:
+        return make(**fields_of(answer, problem))
+    words = {name: answer[name] for name in WORDS}
+    conflict = tuple(Concession(**fields) for fields in answer["conflict"])
+    error = REFUSALS[answer["kind"]](words["part"], words["fault"], words["remedy"], conflict)
+    vars(error).update(words)
+    error.tell_line(words["line"])
+    return error
+
+
+def _refusal(error: InfeasibleError) -> dict[str, Any]:
+    return {
+        "kind": type(error).__name__,
+        "conflict": [asdict(concession) for concession in error.conflict],
+        **{name: getattr(error, name) for name in WORDS},
+    }
 
 
 def form(make: type[Design], problems: Sequence[Problem]) -> Form[Design]:

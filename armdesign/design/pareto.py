@@ -1,34 +1,28 @@
 """Trade-offs: what the worst frequency costs in oil, thrust, digging force, lift or pin room.
 
-One limit is moved from its tightest value to its loosest. What meets a tight limit meets a looser
-one, so every point starts where its tighter neighbour ended and cannot be worse, but for rounding
-to a drawing's grid.
+One limit is moved from its tightest value to its loosest. Here are its values, the requirements
+under each, and the table of the designs; ``sweeps/trade_offs.py`` finds these.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arguments import checked, with_options
-from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design
-from armdesign.design.optimize import USUAL_SEARCH, AimedSearch, SearchOptions, best_frequency
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.infeasibility.concessions import relaxations
-from armdesign.errors import ArmDesignError, InfeasibleError, Stopped, choose
+from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.file.schema import DEFAULT, share_of
 from armdesign.machine.machine import Machine
-from armdesign.progress import counted, note_rounds
 from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
@@ -109,125 +103,6 @@ class Pareto:
         return plots.trade_off(self, ax)
 
 
-@checked
-@with_options(SearchOptions, USUAL_SEARCH)
-def pareto(
-    machine: Machine,
-    workspace: Workspace | None = None,
-    requirements: Requirements | None = None,
-    against: str = "oil",
-    values: Sequence[float] | None = None,
-    vary: Sequence[str] = ("areas", "pins"),
-    *,
-    objective: str = "gain",
-    **options: Unpack[SearchOptions],
-) -> Pareto:
-    """The best worst frequency under each value of one limit, all others as they are.
-
-    Args:
-        machine: today's machine.
-        workspace: poses that count; default grid if None.
-        requirements: limits; None: the machine's file states them.
-        against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it
-            ``oil_each_share``, 1.1 × it; "thrust": ``thrust_share``; "digging": ``digging_share``,
-            and ``torque_share`` of these cylinders where it is higher; "lift": ``lift_share``;
-            "pin_box": ``pin_box`` [m], pins with a box of their own keep that.
-        values: of the limit, in any order; some around today's if None.
-        vary: as in ``optimize``.
-        starts: how many starts each point has: its tighter neighbour, today's machine and drawn
-            ones, in this order. As in ``optimize`` if None.
-        seed: of the drawn starts.
-        workers: processes that share the starts.
-        bands: as in ``optimize``: every design is made for them.
-        objective: as in ``optimize``.
-        catalogue: as in ``optimize``.
-
-    Raises:
-        ArmDesignError: a trade-off that does not exist, or values that cannot be.
-        InfeasibleError: no design meets any of the values.
-        Stopped: Ctrl-C, with the designs that were found before it.
-
-    Example:
-        >>> import armdesign as ad
-        >>> machine = ad.load("paper_1dof")
-        >>> workspace = ad.Workspace.grid(machine, points=2)
-        >>> trade = ad.pareto(machine, workspace, values=[1.0, 1.05], vary=["areas"], starts=1)
-        >>> print(trade.frame[["limit", "frequency_hz"]].round(2).to_string(index=False))
-         limit  frequency_hz
-          1.00          7.45
-          1.05          7.77
-    """
-    requirements = requirements or Requirements.of(machine)
-    workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
-    if against not in SHARES:
-        remedy = choose(str(against), list(SHARES))
-        raise ArmDesignError("against", f"{against!r} is not allowed", remedy)
-    if against == "digging" and not requirements.digging:
-        fault, remedy = "no cylinder's digging force counts", "name some in requirements.digging"
-        raise ArmDesignError("against", fault, remedy)
-    sizes_and_grid(machine, options["catalogue"])  # refused before anything is searched
-    limits = _limits(machine, workspace, requirements, against, values)
-    aimed = AimedSearch(vary=vary, objective=objective, options=options)
-
-    def best(limit: float, tighter: Design | None) -> Design:
-        limited = _limited(requirements, against, limit)
-        return best_frequency(machine, workspace, limited, replace(aimed, start=tighter))
-
-    return _front(machine, against, limits, best)
-
-
-def _why(machine: Machine, error: InfeasibleError) -> str:
-    """Why no design meets a value, and what to relax."""
-    if relax := relaxations(error.conflict):
-        return f"{error.fault}: relax {relax}"
-    whole = f"{error.fault}; {error.remedy}" if error.remedy else error.fault
-    return whole if error.part == machine.name else f"{error.part} {whole}"
-
-
-def _front(
-    machine: Machine,
-    against: str,
-    limits: Sequence[float],
-    best: Callable[[float, Design | None], Design],
-) -> Pareto:
-    """The best design under each limit, each from its tighter neighbour's.
-
-    Raises:
-        InfeasibleError: no limit has any.
-        Stopped: Ctrl-C, with the designs that were found before it.
-    """
-    designs: dict[float, Design] = {}
-    left_out: dict[float, str] = {}
-    tighter: Design | None = None
-
-    def front() -> Pareto:
-        return Pareto(
-            against=against,
-            today=machine,
-            limits=tuple(designs),
-            designs=tuple(designs.values()),
-            left_out=left_out,
-        )
-
-    try:
-        for limit in counted(limits, "value"):
-            try:
-                designs[limit] = tighter = best(limit, tighter)
-            except InfeasibleError as error:
-                left_out[limit] = _why(machine, error)
-                refused = error
-    except KeyboardInterrupt as stop:
-        if not designs:
-            raise
-        stopped = Stopped(front())
-        note_rounds(stopped)
-        raise stopped from stop
-    if not designs:
-        why = refused.fault, refused.conflict, refused.table
-        raise InfeasibleError(machine.name, f"no value of {against} can be met", *why)
-    return front()
-
-
 def read_values(text: str, against: str) -> list[float] | None:
     """Values of a limit as a command line gives them, commas between; None for none.
 
@@ -258,7 +133,7 @@ def read_values(text: str, against: str) -> list[float] | None:
     return values or None
 
 
-def _limits(
+def limits_of(
     machine: Machine,
     workspace: Workspace,
     requirements: Requirements,
@@ -276,7 +151,7 @@ def _limits(
     return sorted({float(v) for v in values}, reverse=against in ("digging", "lift"))
 
 
-def _limited(requirements: Requirements, against: str, limit: float) -> Requirements:
+def limited(requirements: Requirements, against: str, limit: float) -> Requirements:
     """The requirements with one limit at a value."""
     if against == "oil":
         return replace(requirements, oil_total_share=limit, oil_each_share=EACH * limit)

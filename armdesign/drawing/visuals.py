@@ -72,7 +72,7 @@ def _visual(
     element: ET.Element, folder: Path, colours: dict[str, tuple[float, ...]]
 ) -> Visual | None:
     """A visual; None where its shape or place cannot be read."""
-    shape = next(iter(element.find("geometry") or ()), None)
+    shape = element.find("geometry/*")
     if shape is None:
         return None
     size = np.concatenate(

@@ -81,6 +81,11 @@ class Bands:
         stated = [f for f in fields(self) if getattr(self, f.name) != f.default]
         return f"Bands({', '.join(f'{f.name}={getattr(self, f.name)!r}' for f in stated)})"
 
+    @property
+    def identity(self) -> str:
+        """Everything in which two can differ."""
+        return repr(self)
+
     def __post_init__(self) -> None:
         for path, band in self._stated:
             least, most = ENDS.get(path.split(".")[0], (0.1, 10.0))

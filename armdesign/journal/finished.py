@@ -46,19 +46,26 @@ class Pieces:
     Attributes:
         journal: where they are kept.
         entries: all that are finished, by their keys.
-        answered: how many were asked for and had been finished before.
+        answered: how many were asked for and had been finished by a run before.
         served: whether the journal has done its service, and goes when it is closed.
     """
 
     journal: Journal
     entries: dict[str, Entry]
-    answered: int = 0
+    answered: int = field(default=0, init=False)
     served: bool = False
     version: str = field(default_factory=lambda: version("armdesign"))
+
+    def __post_init__(self) -> None:
+        self._before = frozenset(self.entries)
 
     def key(self, what: str, identity: Any) -> str:
         """The key of a piece."""
         return digest([self.version, what, identity])
+
+    def count_answered(self, keys: Iterable[str]) -> None:
+        """Count pieces that were asked for and that a run before had finished."""
+        self.answered += sum(key in self._before for key in keys)
 
     def keep(self, key: str, what: str, answer: Mapping[str, Any], seconds: float) -> None:
         """Write a piece, which is on the disk when this returns."""
@@ -137,7 +144,7 @@ def all_finished(
     pieces = _open[-1]
     keys = [pieces.key(what, identity(k)) for k in range(count)]
     known = {k: pieces.entries[key] for k, key in enumerate(keys) if key in pieces.entries}
-    pieces.answered += len(known)
+    pieces.count_answered(keys)
     done = {k: form.read(k, entry.answer) for k, entry in known.items()}
     missing, began = [k for k in range(count) if k not in known], time.monotonic()
     for k, piece in compute(missing) if missing else ():

@@ -42,7 +42,11 @@ class Case:
     @property
     def name(self) -> str:
         """The case in words, as ``boom, full, fluid.bulk_modulus_MPa=900``."""
-        changed = [f"{path}={value}" for path, value in self.settings.items()]
+        changed = [
+            f"{path}={value}"
+            for path, value in self.settings.items()
+            if value is not None and not hasattr(value, "identity")
+        ]
         return ", ".join([self.machine, *([self.payload] if self.payload else []), *changed])
 
 

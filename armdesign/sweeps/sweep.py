@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from armdesign.arguments import checked, with_options
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, Stopped
 from armdesign.frequency.workspace import Workspace
+from armdesign.journal.finished import Form, all_finished
 from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
@@ -172,18 +173,21 @@ def sweep(
         seed: of that sequence.
         payloads: names of load cases, each alone; None: all together.
         requirements: keys of ``[requirements]`` and their values, one mapping per set.
-        options: of the task, numbers and words; several sets of them are a case each.
+        options: of the task, numbers, words, requirements and bands; several sets of them are a
+            case each.
         workspace: the poses of all cases; None: a joint grid of every changed machine.
         points: of that grid.
         workers: processes; 1: this one.
         scheduler: address of a dask scheduler, as ``tcp://host:8786``, in place of ``workers``.
         journal: file in which every finished case stays; what is in it is not computed again.
+            Without one a command or study that keeps what is finished keeps the cases, too.
         new: set a journal that exists aside.
         say: told after every case how many have an answer.
 
     Raises:
         ArmDesignError: anything that keeps all cases from an answer. What is wrong with one case
             is in the frame.
+        Stopped: Ctrl-C, with the cases that were finished before it.
 
     Example:
         >>> import armdesign as ad
@@ -225,25 +229,69 @@ class _CaseRunner:
     scheduler: str | None
     say: Callable[[str], None]
     retried: list[str] = field(default_factory=list)
+    computed: set[str] = field(default_factory=set)
 
     def answers(self, cases: Sequence[Case], journal: Journal | None) -> Sweep:
-        """The cases with the answers that a journal has, and those that are computed."""
-        entries = journal.entries() if journal else {}
-        known: dict[str, Entry] = {
-            case.key: entries[case.key] for case in cases if case.key in entries
-        }
-        kept = sum(case.key in known for case in cases)
-        missing = {case.key: case for case in cases if case.key not in known}
-        with rounds("case", len(missing)) as finished:
-            for done, (case, outcome) in enumerate(self._outcomes(list(missing.values())), 1):
-                if journal and outcome.final:
-                    journal.keep(case.key, case.name, outcome)
+        """The cases with the answers that a journal has, and those that are computed.
+
+        Raises:
+            Stopped: Ctrl-C, with the cases that were finished before it.
+        """
+        different = list({case.key: case for case in cases}.values())
+        known: dict[str, Entry] = {}
+        try:
+            if journal:
+                self._beside(journal, different, known)
+            else:
+                self._within_a_command(different, known)
+        except KeyboardInterrupt as stop:
+            raise Stopped(self._sweep(cases, known)) from stop
+        return self._sweep(cases, known)
+
+    def _sweep(self, cases: Sequence[Case], known: Mapping[str, Entry]) -> Sweep:
+        """The cases that have an answer."""
+        finished = tuple(case for case in cases if case.key in known)
+        return Sweep(
+            cases=finished,
+            outcomes=tuple(known[case.key] for case in finished),
+            kept=sum(case.key not in self.computed for case in finished),
+            retried=tuple(self.retried),
+        )
+
+    def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
+        """Fill in the answers that the sweep's own journal has, and those that are computed."""
+        entries = journal.entries()
+        known |= {case.key: entries[case.key] for case in cases if case.key in entries}
+        for case, outcome in self._told([c for c in cases if c.key not in known], known):
+            if outcome.final:
+                journal.keep(case.key, case.name, outcome)
+
+    def _within_a_command(self, cases: Sequence[Case], known: dict[str, Entry]) -> None:
+        """Fill in all answers; those that the journal of a command has are not computed again."""
+        numbers = {case.key: k for k, case in enumerate(cases)}
+
+        def compute(missing: list[int]) -> Iterator[tuple[int, Entry]]:
+            for case, outcome in self._told([cases[k] for k in missing], known):
+                yield numbers[case.key], outcome
+
+        def read(k: int, answer: Mapping[str, Any]) -> Entry:
+            return known.setdefault(cases[k].key, Entry(**answer))
+
+        form = Form(write=_written, read=read)
+        all_finished("case", len(cases), lambda k: cases[k].key, compute, form)
+
+    def _told(
+        self, cases: Sequence[Case], known: dict[str, Entry]
+    ) -> Iterator[tuple[Case, Outcome]]:
+        """Cases with their outcomes as they come, counted once they were taken."""
+        count = len(cases) + len(known)
+        with rounds("case", len(cases)) as finished:
+            for done, (case, outcome) in enumerate(self._outcomes(cases), 1):
+                yield case, outcome
                 known[case.key] = outcome
-                self.say(f"{len(known)} of {len(cases)} cases")
+                self.computed.add(case.key)
+                self.say(f"{len(known)} of {count} cases")
                 finished(done)
-        outcomes = tuple(known[case.key] for case in cases)
-        retried = tuple(self.retried)
-        return Sweep(cases=tuple(cases), outcomes=outcomes, kept=kept, retried=retried)
 
     def _outcomes(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
         """Cases and outcomes as they come, by the means that were chosen."""
@@ -269,8 +317,16 @@ class _CaseRunner:
         self.say(f"a worker died; again: {case.name}")
 
 
+def _written(_: int, entry: Entry) -> dict[str, Any] | None:
+    """What a command's journal has of an outcome; None where another may come out."""
+    if isinstance(entry, Outcome) and not entry.final:
+        return None
+    return {"answer": dict(entry.answer), "seconds": entry.seconds, "error": entry.error}
+
+
 def _hashable(value: Any) -> Any:
-    return canonical(value) if isinstance(value, list | tuple | dict) else value
+    plain = not isinstance(value, list | tuple | dict) and not hasattr(value, "identity")
+    return value if plain else canonical(value)
 
 
 def _machines(

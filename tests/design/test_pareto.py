@@ -7,15 +7,19 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import armdesign as ad
 from armdesign import plots
 from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.pareto import SHARES
+from armdesign.errors import Stopped
 from armdesign.report.designs import pareto_sheet
+from armdesign.sweeps import trade_offs
 from armdesign.units import mm
 from tests import machines
 from tests.design.catalogue.enumeration import enumerated
@@ -238,3 +242,47 @@ def test_against_digging_its_cylinders_may_lose_torque() -> None:
 def test_default_values_run_from_tight_to_loose() -> None:
     for against, shares in SHARES.items():
         assert list(shares) == sorted(shares, reverse=against in ("digging", "lift"))
+
+
+def areas_front(**how: Any) -> ad.Pareto:
+    machine, kept = MACHINES["single"](), any_lift_and_torque("single")
+    values = (0.7, 0.85, 1.05)
+    return ad.pareto(machine, workspace_of("single"), kept, values=values, vary=("areas",), **how)
+
+
+@pytest.mark.slow
+def test_processes_share_the_points_of_equal_designs() -> None:
+    one, two = areas_front(), areas_front(workers=2)
+    pd.testing.assert_frame_equal(one.frame, two.frame, check_exact=True)
+
+
+def test_a_point_that_is_worse_than_its_neighbour_starts_from_its_design(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Starts of their own that lead nowhere: today's machine itself counts for them."""
+    real, starts = trade_offs.best_frequency, []
+
+    def worse(*words: Any) -> ad.Design:
+        *same, requirements, options = words
+        starts.append(options.start and options.start.unrounded)
+        if options.start is None and requirements.oil_total_share > 0.7:
+            return replace(real(*same, requirements, options), unrounded=0.1)
+        return real(*same, requirements, options)
+
+    undisturbed = areas_front().frame["unrounded_hz"]
+    monkeypatch.setattr(trade_offs, "best_frequency", worse)
+    front = areas_front()
+    assert front.frame["unrounded_hz"].to_list() == pytest.approx(undisturbed.to_list(), rel=1e-5)
+    assert starts == [None, None, None, *(d.unrounded for d in front.designs[:2])]
+
+
+def test_ctrl_c_before_the_first_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No front is made of nothing."""
+
+    def interrupted(*_: Any) -> ad.Design:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(trade_offs, "best_frequency", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        areas_front()
+    assert not isinstance(stop.value, Stopped)

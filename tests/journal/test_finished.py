@@ -69,6 +69,13 @@ def test_what_is_not_written_is_computed_again(tmp_path: Path) -> None:
         assert not pieces.entries
 
 
+def test_pieces_of_the_run_itself_were_not_finished_before(tmp_path: Path) -> None:
+    with keeping(tmp_path / "j.sqlite") as pieces:
+        Roots().of([2, 3])
+        Roots().of([2, 3])
+        assert pieces.answered == 0
+
+
 @pytest.mark.parametrize(
     ("error", "stays"),
     [

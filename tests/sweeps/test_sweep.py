@@ -15,6 +15,8 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
+from armdesign.errors import Stopped
+from armdesign.journal.finished import keeping
 from armdesign.journal.journal import Journal
 from armdesign.sweeps.cases import csv_changes, grid_changes, sobol_changes
 from armdesign.sweeps.sweep import files_of
@@ -120,6 +122,60 @@ def test_sets_of_options_are_cases_which_index_the_answers() -> None:
     shared = ad.sweep("paper_1dof", task=scaled, options=sets[1], points=2)
     assert shared.answers.index.to_list() == ["paper_1dof"]
     assert "factor" not in shared.frame
+
+
+def stops(machine: ad.Machine, _: ad.Workspace, at: float) -> Mapping[str, Any]:
+    """A quick task, interrupted at one modulus."""
+    modulus = machine.section.fluid.bulk_modulus_MPa
+    if modulus == at:
+        raise KeyboardInterrupt
+    if modulus < 950.0:
+        raise ad.ArmDesignError("modulus", "is too low")
+    return {"modulus": modulus}
+
+
+def test_ctrl_c_leaves_the_finished_cases_in_hand() -> None:
+    with pytest.raises(Stopped) as stop:
+        ad.sweep("paper_1dof", MODULI, stops, options={"at": 1200.0}, points=2)
+    assert stop.value.finished.frame["modulus"].dropna().to_list() == [1000.0]
+    assert list(stop.value.finished.failures.values()) == ["modulus: is too low"]
+
+
+def test_a_command_that_keeps_what_is_finished_keeps_cases(tmp_path: Path) -> None:
+    """Of a sweep without a journal of its own: those that failed for good, too."""
+
+    def answers() -> ad.Sweep:
+        how: dict[str, Any] = {"options": {"at": 0.0}, "points": 2}
+        return ad.sweep("paper_1dof", MODULI, stops, **how)
+
+    def interrupted() -> None:
+        with keeping(tmp_path / "j.sqlite"):
+            answers()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    with keeping(tmp_path / "j.sqlite") as pieces:
+        again = answers()
+        assert (again.kept, pieces.answered) == (4, 4)
+    pd.testing.assert_frame_equal(without_seconds(again), without_seconds(answers()))
+
+
+def test_requirements_and_bands_are_options() -> None:
+    """By what they state: another state is another case."""
+    chosen = [ad.Requirements(lift_share=share) for share in (0.9, 0.9, 0.8)]
+    sets = [{"requirements": one, "bands": ad.Bands(structure=(0.0, 1.0))} for one in chosen]
+    sweep = ad.sweep("paper_1dof", task=share_of_lift, options=sets, points=2)
+    assert sweep.answers["share"].to_list() == [0.9, 0.9, 0.8]
+    assert len({case.key for case in sweep.cases}) == 2
+    assert [case.name for case in sweep.cases] == ["paper_1dof"] * 3
+
+
+def share_of_lift(
+    machine: ad.Machine, _: ad.Workspace, requirements: ad.Requirements, bands: ad.Bands
+) -> Mapping[str, Any]:
+    """A quick task with options that are no numbers."""
+    return {"share": requirements.lift_share, "most": bands.structure[1]}  # type: ignore[index]
 
 
 def test_answers_do_not_hide_that_a_case_failed() -> None:

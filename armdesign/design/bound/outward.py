@@ -8,11 +8,15 @@ ends are rounded outward, by the same formulas of shapes; a cell that is then ab
 is halved, and what stays above counts. Of a catalogue's areas, which are exact numbers, a cell has
 the pairs between its ends, which halves share, so that none is lost.
 
-Taken as they are: inertia, gravity torques and coefficients of shapes, which are the problem's
-numbers in floats; which cells hold nothing that is allowed, and to which scales and volumes a cell
-shrinks, since requirements are wider there by ``CONSTRAINT_TOLERANCE``, millions of times what
-floats lose; own masses' share of the terms. Scales and volumes are taken wider by ``LOST``, and
-oil with air has its modulus to within it.
+Inertia, gravity torques and their slopes are sums of products in floats: each entry may be wrong
+by ``LOST`` of what it is made of, more than a thousand times what balls find of the links
+(``tests/design/bound/test_ball_dynamics.py``), and the bound is for all of that. Scales and
+volumes are taken wider by it, and oil with air has its modulus to within it.
+
+Taken as they are: the numbers of the file and coefficients of shapes made of them, in floats;
+which cells hold nothing that is allowed, and to which scales and volumes a cell shrinks, since
+requirements are wider there by ``CONSTRAINT_TOLERANCE``, millions of times what floats lose; own
+masses' share of the terms.
 """
 
 from __future__ import annotations
@@ -55,19 +59,36 @@ def certified(proof: Proof) -> float:
     up[given.trace == 0] = 0.0
     exact[:, diagonal, diagonal] = exactly(up)
     pick = np.ix_(given.rows, np.array(dual.free), np.array(dual.free))
+    mass, slope = dual.fixed.mass[pick], dual.fixed.slope[pick]
+    lighter, steeper = lost(exact, mass, slope)
     budget, today = dual.budget
     multipliers = replace(
         given,
         weight=exact.astype(float),
-        constant=(exact * exactly(dual.fixed.slope[pick])).sum()
+        constant=(exact * exactly(slope)).sum()
+        + steeper
         + (exactly(given.oil) * exactly(today)).sum() * Fraction(budget),
-        light=(exact * exactly(dual.fixed.mass[pick])).sum() * Fraction(dual.reference),
+        light=((exact * exactly(mass)).sum() - lighter) * Fraction(dual.reference),
     )
     most = [
         replace(one, upper=most_of(term, one))
         for term, one in zip(dual.terms(multipliers), proof.maxima, strict=True)
     ]
     return dual.bound(multipliers, most)
+
+
+def lost(weight: Array, mass: Array, slope: Array) -> tuple[Fraction, Fraction]:
+    """Most that Σ ⟨Z, M⟩ and Σ ⟨Z, ∂g/∂q⟩ may be wrong by where each entry is wrong by ``LOST``.
+
+    An entry of M is a sum of products no larger than √(M_ii M_jj); those of ∂g/∂q are measured by
+    the largest of all. Arguments (n, k, k), weights in fractions.
+    """
+    size = np.abs(weight)
+    root = np.sqrt(np.diagonal(mass, axis1=1, axis2=2))
+    entries = exactly(root[:, :, None] * root[:, None])
+    share = Fraction(LOST)
+    steepest = Fraction(float(np.abs(slope).max(initial=0.0)))
+    return share * (size * entries).sum(), share * size.sum() * steepest
 
 
 def most_of(term: CylinderTerm, most: Maximum) -> float:

@@ -118,9 +118,9 @@ class Problem:
                 [vector.machine.identity, corners.today.identity, corners.workspace.identity],
                 [repr(corners.today.fluid), repr(corners.today.cylinders)],  # at ends of bands
                 [vector.vary, repr(vector.boxes), repr(vector.chosen_lengths)],
-                [repr(corners.bands), corners.gain, corners.proportional],
+                [corners.bands.identity, corners.gain, corners.proportional],
                 corners.emphasis and corners.emphasis.identity,
-                {name: repr(value) for name, value in vars(self.requirements).items()},
+                self.requirements.identity,
                 [repr(self.sizes), repr(self.margins), repr(self.grid)],
             ]
         )

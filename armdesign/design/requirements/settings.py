@@ -106,6 +106,11 @@ class Requirements(
             machine = machine.replace({f"requirements.{key}": x for key, x in instead.items()})
         return cls(**{name: how.read(machine) for name, how in cls._stated().items()})
 
+    @property
+    def identity(self) -> dict[str, str]:
+        """Everything in which two can differ, with every bit of a number."""
+        return {name: repr(value) for name, value in vars(self).items()}
+
     @classmethod
     def _stated(cls) -> dict[str, Stated]:
         """Statement of each field in the file."""

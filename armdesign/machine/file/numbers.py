@@ -156,7 +156,8 @@ def _known_parts(path: str, known: list[str]) -> int:
     """How many first parts of a key path begin a known one too."""
     given = path.split(".")
     parts = [name.split(".") for name in known]
-    return max(k for k in range(len(given) + 1) if any(p[:k] == given[:k] for p in parts))
+    longest = min(len(given), max(map(len, parts)))
+    return max(k for k in range(longest + 1) if any(p[:k] == given[:k] for p in parts))
 
 
 def _meant(path: str, known: list[str]) -> str:
