@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.bound.branching import Maximum
 from armdesign.design.bound.columns import Columns, JointDrive
-from armdesign.design.bound.cylinder_term import Maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.bound.outward import Proof, certified
 from armdesign.errors import InfeasibleError
@@ -61,13 +61,17 @@ class Region:
         return replace(self, bound=bound, proof=Proof(dual, multipliers, tuple(maxima)))
 
 
-def lowest_bound(dual: LagrangianDual) -> float:
+def lowest_bound(dual: LagrangianDual, wanted: float | None = None) -> float:
     """The lowest bound on ω² that is found, over the reference; infinite where none is.
 
-    With what ends rounded outward add to it (``certified``).
+    With what ends rounded outward add to it (``certified``). Sought until it is no more than is
+    ``wanted``, over the reference too; by default until it is near to what the design at hand
+    reaches.
     """
     reached = max(dual.reached, 0.0)
     enough, plenty = reached * (1 + ENOUGH) ** 2, reached * (1 + PLENTY) ** 2
+    if wanted is not None:
+        enough = plenty = wanted
     regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS, plenty, enough)]
     looked = 1
     while looked < REGIONS and math.isfinite(regions[0].bound) and regions[0].bound > enough:
