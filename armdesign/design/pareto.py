@@ -1,8 +1,9 @@
 """Trade-offs: what the worst frequency costs in oil, thrust, digging force, lift or pin room.
 
 One limit is moved from its tightest value to its loosest. What meets a tight limit meets a looser
-one, so every point starts where its tighter neighbour ended and cannot be worse, but for rounding
-to a drawing's grid.
+one, so every point starts where its tighter neighbour ended. Where rounding to a drawing's grid,
+or poses and bands between those searched, make its answer worse even so, the neighbour's is its
+answer too: no point is below a tighter one.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from armdesign.arguments import checked
 from armdesign.design.catalogue.sizes import sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.optimize import SearchOptions, best_frequency
+from armdesign.design.requirements.check import check
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
@@ -178,9 +180,44 @@ def pareto(
 
     def best(limit: float, tighter: Design | None) -> Design:
         limited = _limited(requirements, against, limit)
-        return best_frequency(machine, workspace, limited, replace(options, start=tighter))
+        design = best_frequency(machine, workspace, limited, replace(options, start=tighter))
+        if tighter is None or _aim(design) >= _aim(tighter):
+            return design
+        return _under(tighter, design)
 
     return _front(machine, against, limits, best)
+
+
+def _aim(design: Design) -> float:
+    """What a design was made to have most of: gain or frequency within its bands, or at all."""
+    if design.made_for == "gain":
+        return design.least_gain
+    if design.made_for == "worst":
+        return design.band_after.low.frequency
+    return design.after.worst.frequency
+
+
+def _under(tighter: Design, looser: Design) -> Design:
+    """A design as the answer under a looser limit, that of another one, where it is the better.
+
+    It keeps the prices of requirements that stay as they are.
+    """
+    within = tighter.today, tighter.workspace, looser.requirements
+    checks = check(tighter.machine, *within)
+    limits = {one.name: one.limit for one in tighter.checks}
+    kept = {one.name for one in checks if one.limit == limits.get(one.name)}
+    prices, at_margin = (
+        {name: gain for name, gain in part.items() if name in kept}
+        for part in (tighter.prices, tighter.at_margin)
+    )
+    problem, sizes = replace(looser.problem, sizes=tighter.problem.sizes), looser.best_sizes
+    if sizes and tighter.best_sizes:  # the bound stays that of the looser limit
+        sizes = replace(tighter.best_sizes, bound=sizes.bound)
+    return replace(
+        looser, machine=tighter.machine, checks=checks, problem=problem,
+        x=looser.problem.like(tighter.x, tighter.problem), unrounded=tighter.unrounded,
+        watched=tighter.watched, best_sizes=sizes, prices=prices, at_margin=at_margin,
+    )  # fmt: skip
 
 
 def _why(machine: Machine, error: InfeasibleError) -> str:

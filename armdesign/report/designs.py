@@ -336,8 +336,8 @@ def steps_sheet(answer: Steps) -> Sheet:
         notes.append("of too many sets those were searched that add a pin to the step before")
     if max(step.built for step in answer.steps) > 1:
         notes.append(
-            "all sets with free sizes; built are the best, and those of which it is not proved, and"
-            " the best of these is the answer"
+            "all sets with free sizes; the best are built, and those that bounds do not rule out,"
+            " and the best of these is the answer"
         )
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
