@@ -267,7 +267,7 @@ def _rising(
     """
     done: list[DesignStep] = []
     left_out: dict[int, str] = {}
-    for count in range(len(pins) + 1):
+    for count in sorted({len(some) for some in built}):
         designs = {some: one for some, one in built.items() if len(some) == count}
         design = _best_built([*designs.values()])
         if isinstance(design, InfeasibleError):

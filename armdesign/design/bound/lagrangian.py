@@ -45,6 +45,7 @@ from armdesign.design.bound.columns import (
     column,
     columns_around,
     joined,
+    known_columns,
 )
 from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
@@ -111,14 +112,10 @@ class LagrangianDual:
         """From the design x, its lowest rows, today's design, and random ones."""
         random = np.random.default_rng(0)
         squared = problem.dynamics.omega_squared(x, watched)
-        columns = joined(
-            *(
-                column(k, d, d.place(problem, design))
-                for design in (x, problem.vector.start)
-                for k, d in enumerate(some)
-            )
-        )
-        pool = [columns_around(d, k, columns.place[k], random) for k, d in enumerate(some)]
+        designs = x, problem.vector.start
+        known = [known_columns(d, k, problem, designs) for k, d in enumerate(some)]
+        columns = joined(*known)
+        pool = [columns_around(d, k, known[k].place[0], random) for k, d in enumerate(some)]
         for k, drive in enumerate(some):
             drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
             pool.append(allowed_columns(drive, k, drive.boxes(drawn, random)))
