@@ -1,4 +1,4 @@
-"""One cylinder's term of the upper bound, enclosed over cells, which are halved where needed.
+"""One cylinder's term of the upper bound, enclosed over cells.
 
 With swept volumes v = A S of both sides the term is
 
