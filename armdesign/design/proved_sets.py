@@ -19,7 +19,11 @@ Bounds = Mapping[Pins, float]  # what no design of a set reaches more than [Hz]
 
 
 def bounds_of_others(
-    pins: Pins, searches: Mapping[Pins, Search], best: Mapping[Pins, float], workers: int
+    pins: Pins,
+    searches: Mapping[Pins, Search],
+    best: Mapping[Pins, float],
+    workers: int,
+    known: Bounds | None = None,
 ) -> dict[Pins, float]:
     """Bounds [Hz] on the sets beside the best of as many pins, sought until they are no more.
 
@@ -28,16 +32,17 @@ def bounds_of_others(
         searches: of sets, at their ends.
         best: of the best set of each number of pins what its design reaches, as the bound [Hz].
         workers: processes that share the bounds.
+        known: bounds at hand, which are not sought again.
     """
-    bounds: dict[Pins, float] = {}
+    bounds = dict(known or {})
     for chosen, reached in sorted(best.items(), key=lambda one: -len(one[0])):
         left = [
             some
             for some in others(pins, chosen)
-            if some in searches and most_of(some, bounds) > reached
+            if some in searches and some not in bounds and most_of(some, bounds) > reached
         ]
-        known = certificates_within_bands([searches[some] for some in left], workers, reached)
-        bounds |= {some: one.frequency for some, one in zip(left, known, strict=True) if one}
+        found = certificates_within_bands([searches[some] for some in left], workers, reached)
+        bounds |= {some: one.frequency for some, one in zip(left, found, strict=True) if one}
     return bounds
 
 

@@ -242,6 +242,8 @@ def steps(
         }
         built |= _designs(left, sizes, command, workers)
         answer = _rising(machine, built, best, pins)
+        reached = {step.pins: _judged(step.design) for step in answer.steps}
+        bounds = bounds_of_others(pins, best, reached, workers, bounds)  # of those that lost
     return replace(answer, steps=tuple(_proved(step, pins, bounds) for step in answer.steps))
 
 

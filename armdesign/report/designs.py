@@ -304,6 +304,9 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     )
 
 
+BUILT_SETS = "all sets with free sizes; the best are built, and those that no bound rules out"
+
+
 def steps_sheet(answer: Steps) -> Sheet:
     """The best design for each number of pins that move."""
     today, first = answer.today, answer.steps[0].design
@@ -335,10 +338,7 @@ def steps_sheet(answer: Steps) -> Sheet:
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
     if max(step.built for step in answer.steps) > 1:
-        notes.append(
-            "all sets with free sizes; the best are built, and those that bounds do not rule out,"
-            " and the best of these is the answer"
-        )
+        notes.append(f"{BUILT_SETS}, and the best of these is the answer")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
         columns=("pins that move", "worst", gain, "least lift", "changed", "searched", "proved"),

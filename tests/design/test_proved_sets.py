@@ -41,6 +41,8 @@ def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch)
     best = {("b",): 4.0, ("a", "b"): 5.0, PINS: 6.0, (): 1.0}
     bounds_found = bounds_of_others(PINS, searches, best, 1)
     assert asked == [("ac", 5.0), ("bc", 5.0), ("a", 4.0)]
+    assert bounds_of_others(PINS, searches, best, 1, bounds_found) == bounds_found
+    assert len(asked) == 3
     least = {
         chosen: [most_of(some, bounds_found) for some in others(PINS, chosen)] for chosen in best
     }
