@@ -1,6 +1,8 @@
 """Which single rule costs the shipped excavators how much of their gain, in real numbers?
 
-TO BE WRITTEN
+All rules leave the 20 t machine +12.7 %. Without that on the boom's lift alone it gains +20.9 %,
+without the torque of its stick +18.1 %, of its bucket +16.5 %, without the stick's lift +14.2 %,
+without buckling of the boom's rods +14.1 %.
 """
 
 from __future__ import annotations
