@@ -428,7 +428,8 @@ def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
         places = _from_joint(linkage, poses)
         base, end = (complex(places[pin][0], places[pin][2]) for pin in ("base", "rod_end"))
         return np.array([(base / end).real, (base / end).imag, abs(end)])
-    move = np.subtract(linkage.place(shape.pin), today.place(shape.pin))[[0, 2]]
+    here, before = (np.array(k.place(shape.pin)) for k in (linkage, today))
+    move = (here - before)[[0, 2]]
     turn = _turn(linkage, poses) if shape.pin == "base" else None
     if turn is not None:
         new, old = (np.array(k.place("rod_end")) for k in (linkage, today))
