@@ -139,7 +139,8 @@ def optimize(
     with run.writing(out) as folder:
         output.write_design(design, folder)
     leads = [least_sentence(design, least, run.units.units)] if least else []
-    sheets = design_sheets(design, run.units.units)
+    with run.progress("proving how much more no design can reach"):
+        sheets = design_sheets(design, run.units.units)
     run.show([*leads, *sheets], lambda: of_search(design, least))
 
 

@@ -267,6 +267,19 @@ def test_rules_find_their_headline() -> None:
     assert 100 * table.loc["lift", "lift_share"] == pytest.approx(float(lift), abs=0.5)
 
 
+@pytest.mark.slow
+def test_single_rules_find_their_headline() -> None:
+    """Of the 20 t machine: every rule that binds, each left out alone; none gains less so."""
+    module = study("16_each_rule")
+    stated = [float(x) for x in re.findall(r"\+([\d.]+) %", module.__doc__ or "")]
+    table = module.run(["excavator_20t"])["real"].loc["excavator_20t"]
+    rules = ("lift_share.boom", "torque_share.stick", "torque_share.bucket", "lift_share.stick")
+    keys = [module.NONE, *rules, "buckling_share.boom"]
+    assert 100 * table[keys].to_numpy() == pytest.approx(stated, abs=0.1)
+    assert set(table.index) == {*keys, "outline.stick"}
+    assert table.min() == table[module.NONE]
+
+
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.py")), ids=lambda p: p.stem)
 def test_study_is_short_and_asks_one_question(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()

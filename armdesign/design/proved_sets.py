@@ -12,50 +12,45 @@ import math
 from collections.abc import Mapping
 
 from armdesign.design.bound.certificate import certificates_within_bands
-from armdesign.design.bound.regions import ENOUGH
 from armdesign.design.search.sequential_sdp import Search
-from armdesign.frequency.modes import hertz
 
 Pins = tuple[str, ...]  # key paths of pins that move
+Bounds = Mapping[Pins, float]  # what no design of a set reaches more than [Hz]
 
 
-def proved_sets(
-    pins: Pins, searches: Mapping[Pins, Search], best: Mapping[Pins, float], workers: int
-) -> dict[Pins, int]:
-    """How many other sets of as many pins hold nothing better than the best design of each set.
-
-    A bound is sought only where it may be low enough: as near to what the set's own search reached
-    as those of larger sets came, or ``ENOUGH``.
+def bounds_of_others(
+    pins: Pins,
+    searches: Mapping[Pins, Search],
+    best: Mapping[Pins, float],
+    workers: int,
+    known: Bounds | None = None,
+) -> dict[Pins, float]:
+    """Bounds [Hz] on the sets beside the best of as many pins, sought until they are no more.
 
     Args:
         pins: all that can move.
         searches: of sets, at their ends.
         best: of the best set of each number of pins what its design reaches, as the bound [Hz].
         workers: processes that share the bounds.
+        known: bounds at hand, which are not sought again.
     """
-    bounds: dict[Pins, float] = {}  # [Hz]
-    gaps: dict[Pins, float] = {}
-    proved: dict[Pins, int] = {}
+    bounds = dict(known or {})
     for chosen, reached in sorted(best.items(), key=lambda one: -len(one[0])):
-        others = [some for some in itertools.combinations(pins, len(chosen)) if some != chosen]
-        left = [some for some in others if not _bounded(some, bounds, reached)]
-        tried = [
+        left = [
             some
-            for some in left
-            if some in searches and hertz(searches[some].squared) * _gap(some, gaps) <= reached
+            for some in others(pins, chosen)
+            if some in searches and some not in bounds and most_of(some, bounds) > reached
         ]
-        known = certificates_within_bands([searches[some] for some in tried], workers)
-        bounds |= {s: bound.frequency for s, bound in zip(tried, known, strict=True) if bound}
-        gaps |= {s: bounds.get(s, math.inf) / hertz(searches[s].squared) for s in tried}
-        proved[chosen] = sum(_bounded(some, bounds, reached) for some in others)
-    return proved
+        found = certificates_within_bands([searches[some] for some in left], workers, reached)
+        bounds |= {some: one.frequency for some, one in zip(left, found, strict=True) if one}
+    return bounds
 
 
-def _bounded(some: Pins, bounds: Mapping[Pins, float], reached: float) -> bool:
-    """Whether a bound of a set that holds all of some pins is no more than what is reached."""
-    return any(bound <= reached and {*some} <= {*wider} for wider, bound in bounds.items())
+def others(pins: Pins, chosen: Pins) -> list[Pins]:
+    """All other sets of as many pins."""
+    return [some for some in itertools.combinations(pins, len(chosen)) if some != chosen]
 
 
-def _gap(some: Pins, gaps: Mapping[Pins, float]) -> float:
-    """A bound over what a search reached, at best: of larger sets, or where bounds end."""
-    return min((gap for wider, gap in gaps.items() if {*some} < {*wider}), default=1 + ENOUGH)
+def most_of(some: Pins, bounds: Bounds) -> float:
+    """The least bound of all sets that hold some pins [Hz]; infinite without one."""
+    return min((b for wider, b in bounds.items() if {*some} <= {*wider}), default=math.inf)

@@ -3,8 +3,8 @@
 For each number of pins every set of them is searched, with free sizes; where the sets are too
 many, those that add a pin to the best of the step before. The best are then designed as
 ``optimize`` would. Sizes of a catalogue and lengths on the drawing's grid can reverse their order,
-so that with a catalogue some are, and the best of these is the answer. The other sets are proved
-to hold nothing better (``proved_sets``), or only searched: both are counted.
+so that with a catalogue some are. Of the other sets upper bounds prove that they hold nothing
+better (``proved_sets``); those of which they do not are designed, too, and the best is the answer.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from armdesign.design.kept_designs import form
 from armdesign.design.optimize import outcome_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
-from armdesign.design.proved_sets import Pins, proved_sets
+from armdesign.design.proved_sets import Bounds, Pins, bounds_of_others, most_of, others
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.multistart import ROUGHLY, TO_THE_END, follow_all, formulate
@@ -56,10 +56,13 @@ class DesignStep:
         pins: key paths of those that may move, "cylinder.boom.base".
         design: with these pins and any cylinders.
         searched: sets of as many pins that were searched with free sizes.
-        built: the best of these, which were designed as they can be built.
+        built: of these the ones that were designed as they can be built: the best, and those that
+            no bound rules out.
         sets: that there are.
         proved: of all other sets those whose upper bound says that none of their designs, whatever
-            the grid of the drawing, gains more than this one. The others are only searched.
+            the grid of the drawing, gains more than this one.
+        excess: share by which a design of any of the others might exceed this one's worst
+            frequency, by their bounds; 0 where all are proved, infinite where one has no bound.
     """
 
     __repr__ = short_repr
@@ -70,6 +73,7 @@ class DesignStep:
     built: int
     sets: int
     proved: int = 0
+    excess: float = math.inf
 
     @property
     def gain(self) -> float:
@@ -141,7 +145,7 @@ class Steps:
         the designs were made for, without bands that of ``worst_hz``; ``worst_hz`` at the file's
         values; ``lift_share``, the least over the lift chart; ``changed`` parts; ``searched`` of
         ``sets`` with free sizes, ``built`` of these, and of the other sets ``proved`` to hold
-        nothing better.
+        nothing better; ``excess`` that bounds leave to any of the others.
         """
         import pandas as pd
 
@@ -157,6 +161,7 @@ class Steps:
                 "built": step.built,
                 "sets": step.sets,
                 "proved": step.proved,
+                "excess": step.excess,
             }
             for step in self.steps
         )
@@ -223,34 +228,50 @@ def steps(
         best |= _searched(problems, best, workers)
     command = call("steps", bands=bands, catalogue=catalogue)
     most = BUILT if sizes else 1
-    few = [_best(best, count)[:most] for count in range(len(pins) + 1)]
-    designs = iter(
-        _designs([best[some] for sets in few for some in sets], sizes, command, workers)
-    )
-    built = [_best_built([next(designs) for _ in sets]) for sets in few]
-    answer = _rising(machine, built, [len(sets) for sets in few], best, pins)
+    few = [some for count in range(len(pins) + 1) for some in _best(best, count)[:most]]
+    built = _designs({some: best[some] for some in few}, sizes, command, workers)
+    answer = _rising(machine, built, best, pins)
     reached = {step.pins: _judged(step.design) for step in answer.steps}
-    proved = proved_sets(pins, best, reached, workers)
+    bounds = bounds_of_others(pins, best, reached, workers)
+    if sizes:
+        left = {
+            some: best[some]
+            for chosen in reached
+            for some in others(pins, chosen)
+            if some in best and some not in built and most_of(some, bounds) > reached[chosen]
+        }
+        built |= _designs(left, sizes, command, workers)
+        answer = _rising(machine, built, best, pins)
+        reached = {step.pins: _judged(step.design) for step in answer.steps}
+        bounds = bounds_of_others(pins, best, reached, workers, bounds)  # of those that lost
+    return replace(answer, steps=tuple(_proved(step, pins, bounds) for step in answer.steps))
+
+
+def _proved(step: DesignStep, pins: Pins, bounds: Bounds) -> DesignStep:
+    """The step with what bounds prove of the other sets of as many pins."""
+    reached = _judged(step.design)
+    most = [most_of(some, bounds) / reached - 1 for some in others(pins, step.pins)]
     return replace(
-        answer, steps=tuple(replace(step, proved=proved[step.pins]) for step in answer.steps)
+        step, proved=sum(one <= 0 for one in most), excess=max(0.0, max(most, default=0.0))
     )
 
 
 def _rising(
     machine: Machine,
-    designs: Sequence[Design | InfeasibleError],
-    built: Sequence[int],
-    known: dict[Pins, Search],
+    built: Mapping[Pins, Design | InfeasibleError],
+    known: Mapping[Pins, Search],
     pins: Pins,
 ) -> Steps:
-    """The steps of the designs with no pin moved, with one, …, those left out that gain less.
+    """The best steps with no pin moved, with one, …, those left out that gain less.
 
     Raises:
         InfeasibleError: there is no design.
     """
     done: list[DesignStep] = []
     left_out: dict[int, str] = {}
-    for count, design in enumerate(designs):
+    for count in sorted({len(some) for some in built}):
+        designs = {some: one for some, one in built.items() if len(some) == count}
+        design = _best_built([*designs.values()])
         if isinstance(design, InfeasibleError):
             left_out[count], refused = str(design.fault), design
             continue
@@ -258,7 +279,7 @@ def _rising(
             pins=tuple(design.problem.vector.vary[1:]),
             design=design,
             searched=sum(len(some) == count for some in known),
-            built=built[count],
+            built=len(designs),
             sets=math.comb(len(pins), count),
         )
         if done and step.gain < done[-1].gain:  # as can be built: in real numbers it would be more
@@ -345,11 +366,12 @@ def _best_built(designs: list[Design | InfeasibleError]) -> Design | InfeasibleE
 
 
 def _designs(
-    searches: list[Search], sizes: Sizes | None, command: str, workers: int
-) -> list[Design | InfeasibleError]:
-    """Design of each search, or why there is none."""
+    best: Mapping[Pins, Search], sizes: Sizes | None, command: str, workers: int
+) -> dict[Pins, Design | InfeasibleError]:
+    """Design of each set's search, or why there is none."""
     from joblib import Parallel, delayed
 
+    searches = [*best.values()]
     designs = form(Design, [search.problem for search in searches])
 
     def identity(k: int) -> Any:
@@ -364,7 +386,8 @@ def _designs(
         return None if isinstance(design, InfeasibleError) else designs.write(k, design)
 
     both: Form[Design | InfeasibleError] = Form(write=write, read=designs.read)
-    return all_finished("design", len(searches), identity, designs_of, both)
+    found = all_finished("design", len(searches), identity, designs_of, both)
+    return dict(zip(best, found, strict=True))
 
 
 def _design(

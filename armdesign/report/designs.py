@@ -20,7 +20,7 @@ from armdesign.units import WORKSHOP, Units, percent, share_text
 if TYPE_CHECKING:
     from armdesign.design.design import Design
     from armdesign.design.pareto import Pareto
-    from armdesign.design.steps import Steps
+    from armdesign.design.steps import DesignStep, Steps
     from armdesign.mechanism.linkage.base import Pin
 
 NEAREST = 6  # requirements shown where sizes come in steps
@@ -305,6 +305,9 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     )
 
 
+BUILT_SETS = "all sets with free sizes; the best are built, and those that no bound rules out"
+
+
 def steps_sheet(answer: Steps) -> Sheet:
     """The best design for each number of pins that move."""
     today, first = answer.today, answer.steps[0].design
@@ -318,7 +321,7 @@ def steps_sheet(answer: Steps) -> Sheet:
                 "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
                 ", ".join(step.changed),
                 f"{step.searched} of {step.sets}",
-                f"{step.proved} of {step.sets - 1}" if step.sets > 1 else "",
+                _proved(step),
             )
         )
     gain, of = "least gain", ", least gain within the bands"
@@ -330,12 +333,13 @@ def steps_sheet(answer: Steps) -> Sheet:
     ]
     notes.append(
         "searched: sets of so many pins, from today's pins and from the best with one pin less;"
-        " proved: of the other sets those whose upper bound is no more than what is reached here"
+        " proved: of the other sets those whose upper bound is no more than what is reached here,"
+        " and by how much others might exceed it"
     )
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
-    if (most := max(step.built for step in answer.steps)) > 1:
-        notes.append(f"all sets with free sizes; the {most} best are built, and the best of these")
+    if max(step.built for step in answer.steps) > 1:
+        notes.append(f"{BUILT_SETS}, and the best of these is the answer")
     return Sheet(
         title=f"{today.section.title or today.name}: which change first",
         columns=("pins that move", "worst", gain, "least lift", "changed", "searched", "proved"),
@@ -343,6 +347,14 @@ def steps_sheet(answer: Steps) -> Sheet:
         note="; ".join([*notes, *answer.sentences]),
         words=("changed",),
     )
+
+
+def _proved(step: DesignStep) -> str:
+    """How many other sets are proved to hold nothing better, and what is not ruled out."""
+    if step.sets == 1:
+        return ""
+    left = f"; {percent(step.excess)}" if 0 < step.excess < math.inf else ""
+    return f"{step.proved} of {step.sets - 1}{left}"
 
 
 def summary(design: Design) -> str:

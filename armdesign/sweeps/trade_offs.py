@@ -2,16 +2,17 @@
 
 Each value is a case with starts of its own, so that processes share them and any number of them
 gives the same designs. What meets a tight limit meets a looser one: from the tightest on, a point
-that came out worse than its tighter neighbour is searched from that one's design too. So none is
-worse than its neighbour, but for rounding to a drawing's grid.
+that came out worse than its tighter neighbour is searched from that one's design too. Where
+rounding to a drawing's grid, or poses and bands between those searched, make its answer worse even
+so, the neighbour's is its answer too: no point is below a tighter one.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Unpack
+from dataclasses import dataclass, replace
+from typing import Any, Unpack, cast
 
 from armdesign.arguments import checked, with_options
 from armdesign.design.catalogue.sizes import sizes_and_grid
@@ -20,6 +21,7 @@ from armdesign.design.kept_designs import answer_of, found_in
 from armdesign.design.optimize import USUAL_SEARCH, AimedSearch, SearchOptions, best_frequency
 from armdesign.design.pareto import SHARES, Pareto, limited, limits_of
 from armdesign.design.program.problem import Problem
+from armdesign.design.requirements.check import check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import relaxations
 from armdesign.design.search.multistart import formulate_with_sizes
@@ -62,7 +64,7 @@ def pareto(
         values: of the limit, in any order; some around today's if None.
         vary: as in ``optimize``.
         starts: how many starts each point has, as in ``optimize``; where that is worse than its
-            tighter neighbour, the neighbour's design is one more.
+            tighter neighbour, the neighbour's design is one more, and the answer if it is best.
         seed: of the drawn starts.
         workers: processes that share the values.
         bands: as in ``optimize``: every design is made for them.
@@ -120,7 +122,9 @@ def best_under(
     problem = _problem(machine, workspace, requirements, how)
     vary, objective = how.pop("vary"), how.pop("objective")
     how |= {"starts": 1} if start else {}
-    aimed = AimedSearch(vary=vary, objective=objective, start=start, options=SearchOptions(**how))
+    aimed = AimedSearch(
+        vary=vary, objective=objective, start=start, options=cast(SearchOptions, how)
+    )
     try:
         found: Found = best_frequency(machine, workspace, requirements, aimed)
     except InfeasibleError as error:
@@ -209,7 +213,10 @@ class _TradeOff:
                 other = self._read(limit, answers.outcomes[0], problems)
                 found[limit] = other if _is_worse(found[limit], other) else found[limit]
             one = found[limit]
-            tighter = one if isinstance(one, Design) else tighter
+            if isinstance(one, Design):
+                if tighter is not None and _aim(one) < _aim(tighter):
+                    one = found[limit] = _under(tighter, one)
+                tighter = one
 
     def _read(self, limit: float, one: Entry, problems: Mapping[float, Problem]) -> Found:
         """What a case has found.
@@ -231,6 +238,38 @@ class _TradeOff:
             left_out={limit: _why(self.machine, error) for limit, error in refused.items()},
             today=self.machine,
         )
+
+
+def _aim(design: Design) -> float:
+    """What a design was made to have most of: gain or frequency within its bands, or at all."""
+    if design.made_for == "gain":
+        return design.least_gain
+    if design.made_for == "worst":
+        return design.band_after.low.frequency
+    return design.after.worst.frequency
+
+
+def _under(tighter: Design, looser: Design) -> Design:
+    """A design as the answer under a looser limit, that of another one, where it is the better.
+
+    It keeps the prices of requirements that stay as they are.
+    """
+    within = tighter.today, tighter.workspace, looser.requirements
+    checks = check(tighter.machine, *within)
+    limits = {one.name: one.limit for one in tighter.checks}
+    kept = {one.name for one in checks if one.limit == limits.get(one.name)}
+    prices, at_margin = (
+        {name: gain for name, gain in part.items() if name in kept}
+        for part in (tighter.prices, tighter.at_margin)
+    )
+    problem, sizes = replace(looser.problem, sizes=tighter.problem.sizes), looser.best_sizes
+    if sizes and tighter.best_sizes:  # the bound stays that of the looser limit
+        sizes = replace(tighter.best_sizes, bound=sizes.bound)
+    return replace(
+        looser, machine=tighter.machine, checks=checks, problem=problem,
+        x=looser.problem.like(tighter.x, tighter.problem), unrounded=tighter.unrounded,
+        watched=tighter.watched, best_sizes=sizes, prices=prices, at_margin=at_margin,
+    )  # fmt: skip
 
 
 def _is_worse(one: Found, other: Found) -> bool:

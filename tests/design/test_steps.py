@@ -106,9 +106,11 @@ def test_the_best_as_built_counts() -> None:
     assert rod_end.gain > base.gain + 0.01
     assert _best_built([base, rod_end]) is rod_end
     worse = replace(both, machine=base.machine)
-    answer = _rising(machine, [base, rod_end, worse], [1, 1, 1], {}, PINS[:2])
+    built = {(): base, PINS[1:2]: rod_end, PINS[:2]: worse}
+    answer = _rising(machine, built, {}, PINS[:2])
     assert [step.design for step in answer.steps] == [base, rod_end]
     assert answer.left_out == {2: "no better than 1"}
+    assert [step.built for step in answer.steps] == [1, 1]
     assert "2 pins are left out: no better than 1" in (steps_sheet(answer).note or "")
 
 

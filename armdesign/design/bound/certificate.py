@@ -4,7 +4,7 @@ Areas are any, or a catalogue's sizes, where a problem has one and pins move.
 
 The lowest ω² of a design is at most a sum of terms, one per cylinder, for any multipliers of rows
 and oil (``lagrangian``). The most that a term can be under the cylinder's own requirements is
-enclosed from above by branch and bound on intervals (``cylinder_term``), which no local optimum
+enclosed from above by branch and bound on intervals (``branching``), which no local optimum
 can fool, and what is stated in the end once more in intervals rounded ``outward``. Every round of
 better multipliers gives a bound; the lowest counts. The duality gap between designs and their
 mixtures shrinks where the designs are taken in parts (``regions``).
@@ -113,6 +113,7 @@ SAME_AREA = 1e-6  # relative: a size of a catalogue
 USEFUL = 2.0  # times what a design reaches, up to which a bound is stated beside it
 # relative: more than own masses' terms and the way to Hz lose; all else is rounded ``outward``
 ROUNDING = 1e-9
+SPARE = 1e-6  # of ω², by which a wanted bound is sought lower, for what rounding adds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,18 +176,22 @@ def certificate_within_bands(problem: Problem, x: Array, rows: Array) -> Certifi
 
 
 def certificates_within_bands(
-    searches: Sequence[Search], workers: int = 1
+    searches: Sequence[Search], workers: int = 1, wanted: float | None = None
 ) -> list[Certificate | None]:
-    """``certificate_within_bands`` of several problems, on so many processes."""
+    """``certificate_within_bands`` of several problems, on so many processes.
+
+    Each is sought until it is no more than is ``wanted`` [Hz], or as long as it falls.
+    """
 
     def identity(k: int) -> Any:
-        return [searches[k].problem.identity, searches[k].x.tolist(), searches[k].rows.tolist()]
+        search = searches[k]
+        return [search.problem.identity, search.x.tolist(), search.rows.tolist(), wanted]
 
     def compute(numbers: list[int]) -> Iterator[tuple[int, Certificate | None]]:
         from joblib import Parallel, delayed
 
         some = [searches[k] for k in numbers]
-        tasks = (delayed(_computed_within_bands)(s.problem, s.x, s.rows) for s in some)
+        tasks = (delayed(_computed_within_bands)(s.problem, s.x, s.rows, wanted) for s in some)
         yield from zip(numbers, Parallel(workers, return_as="generator")(tasks), strict=True)
 
     def read(_: int, answer: Mapping[str, Any]) -> Certificate | None:
@@ -199,26 +204,32 @@ def certificates_within_bands(
     return all_finished("bound", len(searches), identity, compute, form)
 
 
-def _computed_within_bands(problem: Problem, x: Array, rows: Array) -> Certificate | None:
-    """``certificate_within_bands``, computed."""
+def _computed_within_bands(
+    problem: Problem, x: Array, rows: Array, wanted: float | None
+) -> Certificate | None:
+    """``certificate_within_bands``, computed until it is no more than is ``wanted`` [Hz]."""
     dynamics = problem.dynamics
     if not dynamics.corners.gain:
-        return certificate_of(problem.softest, x, rows)
+        return certificate_of(problem.softest, x, rows, wanted)
     corners, squared = dynamics.corners, dynamics.omega_squared(x)
     least = [squared[dynamics.rows.corner == k].min() for k in range(len(corners.all))]
     if _alike(problem):
         all_own = [np.flatnonzero(dynamics.rows.corner == k) for k in range(len(corners.all))]
         lowest_of = [own[np.argsort(squared[own])[:WATCHED]] for own in all_own]
-        return certificate_of(problem, x, np.unique(np.concatenate([rows, *lowest_of])))
+        watched = np.unique(np.concatenate([rows, *lowest_of]))
+        return certificate_of(problem, x, watched, wanted)
     bounds = []
     for end in range(len(corners.ends)):
         k = min(np.flatnonzero(corners.end == end), key=lambda k: least[k])
         own = np.flatnonzero(dynamics.rows.corner == k)
         lowest = own[np.argsort(squared[own])[:WATCHED]]
         watched = np.union1d(lowest, rows[dynamics.rows.corner[rows] == k]) - own[0]
-        if bound := certificate_of(problem.at_corner(int(k)), x, watched):
-            ratio = math.sqrt(corners.weights[k])
+        ratio = math.sqrt(corners.weights[k])
+        here = None if wanted is None else wanted * ratio
+        if bound := certificate_of(problem.at_corner(int(k)), x, watched, here):
             bounds.append(replace(bound, frequency=bound.frequency / ratio))
+            if wanted is not None and bounds[-1].frequency <= wanted:
+                break
     return min(bounds, key=lambda bound: bound.frequency, default=None)
 
 
@@ -231,7 +242,9 @@ def _alike(problem: Problem) -> bool:
     return moving and problem.vector.moving_masses is None and plain == Bands()
 
 
-def certificate_of(problem: Problem, x: Array, rows: Array) -> Certificate | None:
+def certificate_of(
+    problem: Problem, x: Array, rows: Array, wanted: float | None = None
+) -> Certificate | None:
     """The bound on the worst frequency of all designs of a problem with exact oil and structure.
 
     None where none is known. Where no pin varies it is the search's own.
@@ -240,12 +253,13 @@ def certificate_of(problem: Problem, x: Array, rows: Array) -> Certificate | Non
         problem: the design problem.
         x: a good design: multipliers are sought around it. The bound holds whatever it is.
         rows: rows that may enter, such as those that a search has watched.
+        wanted: bound [Hz] that is low enough; None: one near to what x reaches.
 
     Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder
     has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
     is allowed and has sizes of the catalogue, is refused.
     """
-    bound = _before_check(problem, x, rows)
+    bound = _before_check(problem, x, rows, wanted)
     allowed = constraints_at(problem, x).values.min() >= -CONSTRAINT_TOLERANCE
     if bound is None or not (allowed and _has_offered_sizes(problem, x)):
         return bound
@@ -265,7 +279,9 @@ def _has_offered_sizes(problem: Problem, x: Array) -> bool:
     return True
 
 
-def _before_check(problem: Problem, x: Array, rows: Array) -> Certificate | None:
+def _before_check(
+    problem: Problem, x: Array, rows: Array, wanted: float | None
+) -> Certificate | None:
     """``certificate_of``, whatever x reaches."""
     if not problem.vector.moving:
         known = areas_bound(Search(problem=problem, x=x, rows=rows))
@@ -278,7 +294,9 @@ def _before_check(problem: Problem, x: Array, rows: Array) -> Certificate | None
     if not driving:
         return None
     dual = LagrangianDual.start(problem, driving, x, rows, bars)
-    best = lowest_bound(dual)
+    if wanted is not None:
+        wanted = (2 * math.pi * wanted) ** 2 * (1 - SPARE) / dual.reference
+    best = lowest_bound(dual, wanted)
     if not math.isfinite(best):
         return None
     driven = {d.cylinder for d in driving}

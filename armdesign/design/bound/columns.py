@@ -147,6 +147,20 @@ def column(k: int, drive: JointDrive, place: Array) -> Columns:
     return Columns(drive=np.array([k]), place=place[None], volume=drive.volume(place[None]))
 
 
+def known_columns(
+    drive: JointDrive, k: int, problem: Problem, designs: Sequence[Array]
+) -> Columns:
+    """Columns of drive ``k`` in designs x of a problem, with the nearest sizes of a catalogue.
+
+    Only those that are allowed, if there are any.
+    """
+    places = np.stack([drive.place(problem, x) for x in designs])
+    if drive.limits.areas.pairs is not None:
+        kept = drive.limits.allowed(places, places).kept
+        places = places[kept] if len(kept) > 0 else places[:1]
+    return joined(*(column(k, drive, place) for place in places))
+
+
 def joined(*parts: Columns) -> Columns:
     """Several sets of columns as one."""
     names = ("drive", "place", "volume")

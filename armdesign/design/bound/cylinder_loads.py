@@ -25,7 +25,7 @@ from armdesign.machine.lifting import unloaded
 from armdesign.mechanism.arm import RigidPoses
 
 HOLDING_ANGLES = 5  # of most push and pull today
-CHART_PLACES = 12  # of a lift chart, that ask for most today
+CHART_PLACES = 40  # of a lift chart, that ask for most today
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

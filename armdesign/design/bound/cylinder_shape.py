@@ -4,7 +4,7 @@ Let u = ℓ²/2. Seen from the base's link u, u' = ℓ r and u'' = ℓ H + r² a
 pin is, but for the square in u. A direct cylinder on a revolute joint looks the same when its rod
 pin turns with it: in units of the rod pin's distance from the joint the rod end runs on a unit
 circle, and the four pin coordinates make three numbers, the base's place b in those units and the
-scale. So in all cases, times scale²,
+scale. Where the rod pin moves alone it is b, seen from its link. So in all cases, times scale²,
 
     u = c0 + s0·b + ½ b·b,   u' = c1 + s1·b,   u'' = c2 + s2·b.
 
@@ -44,7 +44,7 @@ class Shape:
     The first two angles are of the closed and the open cylinder. ``sign`` is the sign of the
     moment arm. ``fixed`` are closed length and stroke where no pin moves: today's, which may
     exceed what the joint's range needs. ``pin_boxes`` say which b and scale belong together; None
-    if all of the region do.
+    if all of the region do: b is then the move of ``pin``.
     """
 
     constant: Array
@@ -55,6 +55,7 @@ class Shape:
     scale: tuple[float, float]
     fixed: tuple[float, float] | None = None
     pin_boxes: TriangleBoxes | None = None
+    pin: str = "base"
 
     @property
     def region(self) -> tuple[Array, Array]:
@@ -314,13 +315,14 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
     poses = sweep(problem.machine.arm, joint, np.concatenate([ends, angles]))
     if not moves:
         return replace(
-            _about_base(linkage, poses, np.zeros((2, 2)), sign),
+            _about(linkage, poses, "base", np.zeros((2, 2)), sign),
             fixed=(cylinder.closed_length, cylinder.stroke),
         )
-    turning = problem.machine.arm.joints[joint].revolute and "rod_end" in moves
-    return (
-        _turned(linkage, poses, moves, sign) if turning else _shifted(linkage, poses, moves, sign)
-    )
+    if not problem.machine.arm.joints[joint].revolute or "rod_end" not in moves:
+        return _shifted(linkage, poses, moves, sign)
+    if "base" not in moves:
+        return _about(linkage, poses, "rod_end", moves["rod_end"], sign)
+    return _turned(linkage, poses, moves, sign)
 
 
 def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
@@ -336,10 +338,10 @@ def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
     return reaches
 
 
-def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) -> Shape:
-    """The shape by moves b [m] of the base pin within ``reach`` (2, 2); the rod end stays."""
+def _about(linkage: Linkage, poses: RigidPoses, pin: str, reach: Array, sign: float) -> Shape:
+    """The shape by moves b [m] of one pin within ``reach`` (2, 2); the other one stays."""
     joint = linkage.joints[0]
-    now, slopes = linkage.sensitivities(poses, [("base", 0), ("base", 2)])
+    now, slopes = linkage.sensitivities(poses, [(pin, 0), (pin, 2)])
     length, arm, curve = (
         now.length,
         now.moment_arm[:, joint],
@@ -352,8 +354,9 @@ def _about_base(linkage: Linkage, poses: RigidPoses, reach: Array, sign: float) 
         slope[:, 1, k] = by.length * arm + length * d_arm
         slope[:, 2, k] = by.length * curve + length * d_curve + 2 * arm * d_arm
     constant = np.stack([length**2 / 2, length * arm, length * curve + arm**2], axis=1)
+    low, high = reach
     return Shape(
-        constant=constant, slope=slope, sign=sign, low=reach[0], high=reach[1], scale=(1.0, 1.0)
+        constant=constant, slope=slope, sign=sign, low=low, high=high, scale=(1.0, 1.0), pin=pin
     )
 
 
@@ -371,7 +374,7 @@ def _shifted(
             @ turn[0].T
         )
         reach = reach - np.stack([corners.max(axis=0), corners.min(axis=0)])
-    return _about_base(linkage, poses, reach, sign)
+    return _about(linkage, poses, "base", reach, sign)
 
 
 def _turned(
@@ -425,8 +428,9 @@ def coordinates(problem: Problem, i: int, shape: Shape, x: Array) -> Array:
         places = _from_joint(linkage, poses)
         base, end = (complex(places[pin][0], places[pin][2]) for pin in ("base", "rod_end"))
         return np.array([(base / end).real, (base / end).imag, abs(end)])
-    move = np.subtract(linkage.base.at, today.base.at)[[0, 2]]
-    turn = _turn(linkage, poses)
+    here, before = (np.array(k.place(shape.pin)) for k in (linkage, today))
+    move = (here - before)[[0, 2]]
+    turn = _turn(linkage, poses) if shape.pin == "base" else None
     if turn is not None:
         new, old = (np.array(k.place("rod_end")) for k in (linkage, today))
         move = move - turn[0] @ (new - old)[[0, 2]]

@@ -1,4 +1,4 @@
-"""One cylinder's term of the upper bound, enclosed over cells, which are halved where needed.
+"""One cylinder's term of the upper bound, enclosed over cells.
 
 With swept volumes v = A S of both sides the term is
 
@@ -15,14 +15,10 @@ volumes between two v1 and two v2/v1, of one pair a line.
 Tangents of structure in series (``cylinder_spring``) leave a term of the same form, and a constant
 times r², which the scale enters. Air and tangents are near only for small ranges of volumes, so
 cells are of volumes too there, unless they are of areas.
-
-Cells are halved until none can exceed the best. No local optimum can fool it: what is cut off is
-enclosed from above.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -81,7 +77,7 @@ class CylinderTerm:
         sources = (
             replace(part, source=k + part.source) for k, part in zip(starts, parts, strict=True)
         )
-        return _together(*sources)
+        return together(*sources)
 
     def _upper(self, low: Array, high: Array) -> Cells:
         """Upper bounds over some cells."""
@@ -349,101 +345,7 @@ class CylinderTerm:
         return np.stack(by_b, axis=2), known
 
 
-BATCH = 1500  # cells branched at a time
-TRIALS = 50  # middles of cells tried as designs
-WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Maximum:
-    """The most that a term can be: ``upper`` for sure; ``value`` is reached at ``place``."""
-
-    upper: float
-    value: float
-    place: Array  # (5,) b and scale, and swept volumes or areas of a catalogue
-    volume: Array  # (2,) [m³]
-    cells: int  # looked at
-    leaves: tuple[Array, Array]  # corners (m, 3 or 5) of all cells that were not halved
-
-
-def maximum(term: CylinderTerm, tolerance: float, most_cells: int) -> Maximum:
-    """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at."""
-    low, high = term.shape.cells
-    if term.air or term.structure or term.limits.areas.pairs is not None:
-        least, most = (np.tile(end, (len(low), 1)) for end in term.limits.others)
-        low, high = np.column_stack([low, least]), np.column_stack([high, most])
-    cells, looked, done = term.upper(low, high), len(low), []
-    best = Maximum(
-        upper=math.inf,
-        value=-math.inf,
-        place=np.zeros(5),
-        volume=np.zeros(2),
-        cells=0,
-        leaves=(low, high),
-    )
-    while True:
-        best = _better(term, best, cells)
-        open_cells = cells.bound > best.value + tolerance
-        done.append(cells[~open_cells])
-        cells = cells[open_cells]
-        if len(cells.bound) == 0 or looked >= most_cells:
-            break
-        order = np.argsort(-cells.bound)
-        parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
-        children = term.upper(*halves(parents))
-        looked += 2 * len(parents.bound)
-        inherited = np.tile(parents.bound, 2)[children.source]
-        cells = _together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
-    leaves = _together(*done, cells)
-    upper = max(float(leaves.bound.max(initial=-math.inf)), best.value)
-    return replace(best, upper=upper, cells=looked, leaves=(leaves.low, leaves.high))
-
-
-def halves(cells: Cells) -> tuple[Array, Array]:
-    """Both halves of every cell, cut across the axis that adds most to its bound."""
-    rows = np.arange(len(cells.bound))
-    axis = np.where(cells.high > cells.low, cells.added, -1.0).argmax(axis=1)
-    first_high, second_low = cells.high.copy(), cells.low.copy()
-    first_high[rows, axis] = second_low[rows, axis] = (
-        cells.low[rows, axis] + cells.high[rows, axis]
-    ) / 2
-    return np.concatenate([cells.low, second_low]), np.concatenate([first_high, cells.high])
-
-
-def _together(*parts: Cells) -> Cells:
+def together(*parts: Cells) -> Cells:
+    """All cells of several parts."""
     names = [f.name for f in fields(Cells)]
     return Cells(**{name: np.concatenate([getattr(one, name) for one in parts]) for name in names})
-
-
-def _better(term: CylinderTerm, best: Maximum, cells: Cells) -> Maximum:
-    """The best of the cells' middles, if better: a cell of no width is one design."""
-    promising = np.argsort(-cells.bound)[:TRIALS]
-    promising = promising[cells.bound[promising] > best.value]
-    designs = term.upper(*_middles(term, cells[promising]))
-    designs = designs[np.isfinite(designs.bound)]
-    if len(designs.bound) == 0 or designs.bound.max() <= best.value:
-        return best
-    k = int(designs.bound.argmax())
-    place, volume = designs.low[k], designs.volume[k]
-    place = np.append(place[:3], volume if term.limits.areas.pairs is None else place[3:])
-    return replace(best, value=float(designs.bound[k]), place=place, volume=volume)
-
-
-def _middles(term: CylinderTerm, cells: Cells) -> tuple[Array, Array]:
-    """Cells of no width: in the middle of cells; of their volumes all vertices allowed there.
-
-    Of the pairs of areas in them the one nearest to their middle.
-    """
-    low, high = cells.low.copy(), cells.high.copy()
-    low[:, :3] = high[:, :3] = (low[:, :3] + high[:, :3]) / 2
-    if low.shape[1] == 3:
-        return low, high
-    if term.limits.areas.pairs is not None:
-        low[:, 3:] = high[:, 3:] = term.limits.areas.nearest((low[:, 3:] + high[:, 3:]) / 2)
-        return low, high
-    allowed = term.limits.allowed(low, high)
-    volume = allowed.volume
-    volume = volume + WITHIN * (volume.mean(axis=1, keepdims=True) - volume)
-    middle = np.repeat(low[allowed.kept, :3], volume.shape[1], axis=0)
-    designs = np.column_stack([middle, volume.reshape(-1, 2)])
-    return designs, designs

@@ -37,6 +37,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, congruent
+from armdesign.design.bound.branching import Maximum, maximum
 from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
@@ -44,9 +45,10 @@ from armdesign.design.bound.columns import (
     column,
     columns_around,
     joined,
+    known_columns,
 )
 from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
-from armdesign.design.bound.cylinder_term import CylinderTerm, Maximum, maximum
+from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.bound.motors import motor_joints, motor_stiffness
@@ -64,6 +66,7 @@ AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
 CELLS = 20_000  # branched per cylinder
+TRIED = 50  # known designs of a cylinder, the best, that branching begins with
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,11 +109,13 @@ class LagrangianDual:
         watched: Array,
         bars: Sequence[BarEnclosure] = (),
     ) -> LagrangianDual:
-        """From the design x, its lowest rows, and random designs."""
+        """From the design x, its lowest rows, today's design, and random ones."""
         random = np.random.default_rng(0)
         squared = problem.dynamics.omega_squared(x, watched)
-        columns = joined(*(column(k, d, d.place(problem, x)) for k, d in enumerate(some)))
-        pool = [columns_around(d, k, columns.place[k], random) for k, d in enumerate(some)]
+        designs = x, problem.vector.start
+        known = [known_columns(d, k, problem, designs) for k, d in enumerate(some)]
+        columns = joined(*known)
+        pool = [columns_around(d, k, known[k].place[0], random) for k, d in enumerate(some)]
         for k, drive in enumerate(some):
             drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
             pool.append(allowed_columns(drive, k, drive.boxes(drawn, random)))
@@ -430,5 +435,7 @@ class LagrangianDual:
 
     def maximum(self, multipliers: Multipliers, k: int, tolerance: float) -> Maximum:
         """The most that the term of drive ``k`` can be, to within its part of a tolerance."""
-        term = self._term(multipliers, k)
-        return maximum(term, tolerance / len(self.drives), CELLS)
+        term, known = self._term(multipliers, k), joined(self.columns, self.pool)
+        known = known[known.drive == k]
+        best = np.argsort(-self.values(known, multipliers))[:TRIED]
+        return maximum(term, tolerance / len(self.drives), CELLS, known.place[best])

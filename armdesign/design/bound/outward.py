@@ -28,9 +28,10 @@ from fractions import Fraction
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.bound.branching import Maximum, halves
 from armdesign.design.bound.cylinder_shape import Enclosure, Natural
 from armdesign.design.bound.cylinder_spring import CylinderSpring
-from armdesign.design.bound.cylinder_term import CylinderTerm, Maximum, halves
+from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, Outward, interval
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.search.semidefinite import exactly, positive_product, rounded_up

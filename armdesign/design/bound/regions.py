@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.bound.branching import Maximum
 from armdesign.design.bound.columns import Columns, JointDrive
-from armdesign.design.bound.cylinder_term import Maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.bound.outward import Proof, certified
 from armdesign.errors import InfeasibleError
@@ -29,7 +29,7 @@ REGIONS = 24  # looked at
 ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
-COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
+COARSE, FINE = 0.005, 1e-3  # tolerance of branching, of ω²
 # of frequency, over the design at hand, where cutting ends, and rounds of the whole
 ENOUGH, PLENTY = 0.03, 0.01
 MIXED = 1e-3  # share of a mixture that counts
@@ -61,13 +61,17 @@ class Region:
         return replace(self, bound=bound, proof=Proof(dual, multipliers, tuple(maxima)))
 
 
-def lowest_bound(dual: LagrangianDual) -> float:
+def lowest_bound(dual: LagrangianDual, wanted: float | None = None) -> float:
     """The lowest bound on ω² that is found, over the reference; infinite where none is.
 
-    With what ends rounded outward add to it (``certified``).
+    With what ends rounded outward add to it (``certified``). Sought until it is no more than is
+    ``wanted``, over the reference too; by default until it is near to what the design at hand
+    reaches.
     """
     reached = max(dual.reached, 0.0)
     enough, plenty = reached * (1 + ENOUGH) ** 2, reached * (1 + PLENTY) ** 2
+    if wanted is not None:
+        enough = plenty = wanted
     regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS, plenty, enough)]
     looked = 1
     while looked < REGIONS and math.isfinite(regions[0].bound) and regions[0].bound > enough:

@@ -88,7 +88,9 @@ def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:
         return _own(list(catalogue))
     if catalogue not in CATALOGUES:
         names = ", ".join(f'"{name}"' for name in CATALOGUES)
-        remedy = f"give {names} or pairs of bore and rod"
+        remedy = (
+            f"give {names}, or sizes of your own: a CSV file of bore_mm, rod_mm, in Python pairs"
+        )
         raise ArmDesignError("catalogue", f'"{catalogue:.40}" is not known', remedy)
     return tuple((bore * mm, rod * mm) for bore, rod in CATALOGUES[catalogue])
 

@@ -75,6 +75,9 @@ def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Eva
         )
 
 
+JOINT_KEYS = {"joint_deg": True, "joint_mm": False}  # of a lift, by whether joints turn
+
+
 @dataclass(frozen=True, kw_only=True)
 class Lift(Frozen):
     """A mass that every cylinder must hold at one pose, within ``holding_share`` of the supply.
@@ -214,9 +217,11 @@ def lift_pose(machine: Machine, lift: Lift, shares: Shares) -> LiftPose:
         raise _fault(machine, lift, "has only one of reach and height", "give both or none")
     if len(free) != (2 if placed else 0):
         names = ", ".join(machine.joints[j] for j in free) or "none"
-        wanted = "two are left for reach and height to decide" if placed else "all stand somewhere"
+        wanted = "two are left for reach and height to decide" if placed else "none is left"
+        turning = [machine.arm.joints[j].revolute for j in range(len(machine.joints))]
+        keys = [key for key, turns in JOINT_KEYS.items() if turns in turning]
         fault = f"leaves these joints free: {names}"
-        raise _fault(machine, lift, fault, f"give joints so that {wanted}")
+        raise _fault(machine, lift, fault, f"state joints in {' or '.join(keys)}, {wanted}")
     q = np.array([lift.joints.get(joint, 0.0) for joint in machine.joints])
     point = lift.point(machine)
     if placed:

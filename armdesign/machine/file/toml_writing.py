@@ -14,6 +14,7 @@ from armdesign.machine.file.key_paths import annotation, is_table
 from armdesign.machine.file.schema import BY_ACTUATOR, DEFAULT
 
 _BY_ACTUATOR = [["requirements", key] for key in BY_ACTUATOR]  # numbers that may become tables
+SHOWN = 60  # letters of a value in a message
 ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # keys of tables written in one line
 
 
@@ -42,8 +43,8 @@ def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
                 node[key] = _inline({DEFAULT: node[key]})
             node = node[key]
             if not hasattr(node, "keys"):
-                fault = f'"{key}" is a value, not a table'
-                raise MachineFileError(f"{source}: {path}", fault, "shorten the path")
+                own = ".".join(tables[: depth + 1])
+                raise MachineFileError(f"{source}: {path}", *_not_a_table(own, node))
         _set_leaf(node, leaf, value, f"{source}: {path}")
     new = tomlkit.dumps(document)
     windows = "\n" in text and text.count("\n") == text.count("\r\n")
@@ -62,7 +63,21 @@ def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
     known = parent.model_fields if is_table(parent) else node
     if known is node or location[-1] not in known:
         fault = f'no "{location[-1]}" in the file'
-        raise MachineFileError(where, fault, choose(location[-1], known))
+        if known:
+            raise MachineFileError(where, fault, choose(location[-1], known))
+        kind, _ = annotation(location)
+        keys = f", with {', '.join(kind.model_fields)}" if is_table(kind) else ""
+        raise MachineFileError(where, fault, f"write [{'.'.join(location)}] first{keys}")
+
+
+def _not_a_table(path: str, value: Any) -> tuple[str, str]:
+    """That a key path goes beyond a value, and how to give the value."""
+    name = path.rpartition(".")[2]
+    if isinstance(value, list):
+        whole = f"{path}={_plain(value)}"
+        shown = whole if len(whole) <= SHOWN else f"{whole[:SHOWN]} …"
+        return f'"{name}" is a list', f"give the whole of it, now {shown}"
+    return f'"{name}" is a value, not a table', f"name {path} itself"
 
 
 def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:

@@ -16,19 +16,17 @@ ROUNDING = 1e-9  # what bound.py allows for
 shares = st.floats(0, 1)
 
 
-def shipped_problem(name: str) -> Problem:
+def shipped_problem(name: str, vary: tuple[str, ...] = ("areas", "pins")) -> Problem:
     """Areas and pins of a machine, in oil without air."""
     machine = named(name).replace({"fluid.entrained_air_percent": 0.0})
     workspace = Workspace.grid(machine, points=[3] * len(machine.joints))
     return Problem.of(
-        machine=machine,
-        workspace=workspace,
-        requirements=Requirements.of(machine),
-        vary=("areas", "pins"),
+        machine=machine, workspace=workspace, requirements=Requirements.of(machine), vary=vary
     )
 
 
 CYLINDERS = {
+    "boom rod": ("rigid_excavator_20t", 0),  # its rod pin alone
     "boom": ("rigid_excavator_20t", 0),
     "stick": ("rigid_excavator_20t", 1),
     "bucket": ("rigid_excavator_20t", 2),  # four-bar: its base pin moves
@@ -40,7 +38,8 @@ CYLINDERS = {
 @cache
 def cylinder(name: str) -> tuple[Problem, int, np.ndarray, Shape]:
     machine, i = CYLINDERS[name]
-    problem = shipped_problem(machine)
+    vary = ("areas", "cylinder.boom.rod_end") if name == "boom rod" else ("areas", "pins")
+    problem = shipped_problem(machine, vary)
     angles = np.linspace(*problem.machine.ranges[problem.machine.linkages[i].joints[0]], 6)
     shape = shape_of(problem, i, angles)
     assert shape is not None

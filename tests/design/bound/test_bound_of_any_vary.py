@@ -16,9 +16,9 @@ import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design import design as optimum
 from armdesign.design.bound import lagrangian, regions
+from armdesign.design.bound.branching import maximum
 from armdesign.design.bound.certificate import Certificate, certificate_of
 from armdesign.design.bound.columns import joint_drives
-from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.catalogue import branch_and_bound
 from armdesign.design.catalogue.separable_bound import SeparableBound, separable_bound

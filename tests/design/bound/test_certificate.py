@@ -13,9 +13,9 @@ import pytest
 import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.bound import certificate
+from armdesign.design.bound.branching import maximum
 from armdesign.design.bound.certificate import certificate_of
 from armdesign.design.bound.columns import joint_drives
-from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.bound.regions import COARSE, ENOUGH, FINE
 from armdesign.design.program.constraints import constraints_at

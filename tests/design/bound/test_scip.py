@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from armdesign import Requirements, Workspace
+from armdesign.design.bound.branching import maximum
 from armdesign.design.bound.columns import joint_drives
-from armdesign.design.bound.cylinder_term import maximum
 from armdesign.design.bound.lagrangian import LagrangianDual
 from armdesign.design.program.problem import Problem
 from tests.design.bound.scip_share import largest_share

@@ -185,7 +185,11 @@ BAD_CHANGES = [
     ({5: 1}, "is not a key path"),
     ({"cylinder.boom": 1}, "is a table, not a value"),
     ({"cylinder.boom.bore_mm.x": 1}, "is a value, not a table"),
-    ({"cylinder.boom.base.at_mm.0": 1}, "is a value, not a table"),
+    (
+        {"cylinder.boom.base.at_mm.0": 1},
+        r'"at_mm" is a list; give the whole of it, now cylinder\.boom\.base\.at_mm=\[461\.5, ',
+    ),
+    ({"requirements.lift.a.mass_kg": 1}, r"write \[requirements\.lift\.a\] first, with mass_kg, "),
     ({"cylinder.boom.base.at_mm": [1, 2]}, "list of 3 values"),
     ({"cylinder.boom.base.at_mm": [1, 2, None]}, "cannot hold"),
     ({"cylinder.boom.base.at_mm": [1, 2, np.nan]}, r"at_mm\.2: nan"),

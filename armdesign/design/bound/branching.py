@@ -1,0 +1,115 @@
+"""The most that one cylinder's term can be, by branch and bound.
+
+Cells are halved until none can exceed the best design that is found. No local optimum can fool it:
+what is cut off is enclosed from above (``cylinder_term``).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.design.bound.cylinder_term import Cells, CylinderTerm, together
+
+BATCH = 1500  # cells branched at a time
+TRIALS = 50  # middles of cells tried as designs
+WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Maximum:
+    """The most that a term can be: ``upper`` for sure; ``value`` is reached at ``place``."""
+
+    upper: float
+    value: float
+    place: Array  # (5,) b and scale, and swept volumes or areas of a catalogue
+    volume: Array  # (2,) [m³]
+    cells: int  # looked at
+    leaves: tuple[Array, Array]  # corners (m, 3 or 5) of all cells that were not halved
+
+
+def maximum(
+    term: CylinderTerm, tolerance: float, most_cells: int, known: Array | None = None
+) -> Maximum:
+    """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at.
+
+    Designs at ``known`` places (m, 5) are tried first: where few are allowed, halving finds none.
+    """
+    low, high = term.shape.cells
+    if term.air or term.structure or term.limits.areas.pairs is not None:
+        least, most = (np.tile(end, (len(low), 1)) for end in term.limits.others)
+        low, high = np.column_stack([low, least]), np.column_stack([high, most])
+    cells, looked, done = term.upper(low, high), len(low), []
+    best = Maximum(
+        upper=math.inf,
+        value=-math.inf,
+        place=np.zeros(5),
+        volume=np.zeros(2),
+        cells=0,
+        leaves=(low, high),
+    )
+    if known is not None:
+        best = _better(term, best, known[:, : low.shape[1]])
+    while True:
+        promising = np.argsort(-cells.bound)[:TRIALS]
+        promising = promising[cells.bound[promising] > best.value]
+        best = _better(term, best, _middles(term, cells[promising]))
+        open_cells = cells.bound > best.value + tolerance
+        done.append(cells[~open_cells])
+        cells = cells[open_cells]
+        if len(cells.bound) == 0 or looked >= most_cells:
+            break
+        order = np.argsort(-cells.bound)
+        parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
+        children = term.upper(*halves(parents))
+        looked += 2 * len(parents.bound)
+        inherited = np.tile(parents.bound, 2)[children.source]
+        cells = together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
+    leaves = together(*done, cells)
+    upper = max(float(leaves.bound.max(initial=-math.inf)), best.value)
+    return replace(best, upper=upper, cells=looked, leaves=(leaves.low, leaves.high))
+
+
+def halves(cells: Cells) -> tuple[Array, Array]:
+    """Both halves of every cell, cut across the axis that adds most to its bound."""
+    rows = np.arange(len(cells.bound))
+    axis = np.where(cells.high > cells.low, cells.added, -1.0).argmax(axis=1)
+    first_high, second_low = cells.high.copy(), cells.low.copy()
+    first_high[rows, axis] = second_low[rows, axis] = (
+        cells.low[rows, axis] + cells.high[rows, axis]
+    ) / 2
+    return np.concatenate([cells.low, second_low]), np.concatenate([first_high, cells.high])
+
+
+def _better(term: CylinderTerm, best: Maximum, places: Array) -> Maximum:
+    """The best of the designs at places (m, 3 or 5), if better: a cell of no width is one."""
+    designs = term.upper(places, places)
+    designs = designs[np.isfinite(designs.bound)]
+    if len(designs.bound) == 0 or designs.bound.max() <= best.value:
+        return best
+    k = int(designs.bound.argmax())
+    place, volume = designs.low[k], designs.volume[k]
+    place = np.append(place[:3], volume if term.limits.areas.pairs is None else place[3:])
+    return replace(best, value=float(designs.bound[k]), place=place, volume=volume)
+
+
+def _middles(term: CylinderTerm, cells: Cells) -> Array:
+    """Places in the middle of cells; of their volumes all vertices allowed there.
+
+    Of the pairs of areas in them the one nearest to their middle.
+    """
+    low, high = cells.low.copy(), cells.high.copy()
+    low[:, :3] = high[:, :3] = (low[:, :3] + high[:, :3]) / 2
+    if low.shape[1] == 3:
+        return low
+    if term.limits.areas.pairs is not None:
+        low[:, 3:] = term.limits.areas.nearest((low[:, 3:] + high[:, 3:]) / 2)
+        return low
+    allowed = term.limits.allowed(low, high)
+    volume = allowed.volume
+    volume = volume + WITHIN * (volume.mean(axis=1, keepdims=True) - volume)
+    middle = np.repeat(low[allowed.kept, :3], volume.shape[1], axis=0)
+    return np.column_stack([middle, volume.reshape(-1, 2)])
