@@ -38,6 +38,7 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
     notes = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
+    notes += (_rest_note(frequencies),)
     frequency = f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")
     return Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",

@@ -240,6 +240,8 @@ def test_branching_against_dense_sampling(name: str) -> None:
 
 # ------------------------------------------------------------------------------------ monotonicity
 
+REACHED = 0.02  # tolerance of ω² to which so many cells lead
+
 
 @pytest.mark.parametrize(
     "change",
@@ -268,9 +270,9 @@ def test_tighter_requirements_never_raise_a_share(change: dict[str, float]) -> N
             name: getattr(drive.shape, name) for name in ("low", "high", "scale", "pin_boxes")
         }
         narrow = replace(share, limits=drive.limits, shape=replace(share.shape, **region))
-        tight, loose = (maximum(s, COARSE, 50_000) for s in (narrow, share))
-        assert loose.upper - loose.value <= COARSE
-        assert tight.upper <= loose.upper + COARSE
+        tight, loose = (maximum(s, REACHED, 50_000) for s in (narrow, share))
+        assert loose.upper - loose.value <= REACHED
+        assert tight.upper <= loose.upper + REACHED
 
 
 @pytest.mark.slow
