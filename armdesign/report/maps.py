@@ -37,8 +37,8 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
-    notes = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
-    notes += (_rest_note(frequencies),)
+    springs, reliefs = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
+    notes = between_poses({"": frequencies}), springs, reliefs, _rest_note(frequencies)
     frequency = f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")
     return Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
@@ -48,7 +48,7 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
             ("limited by", f"{worst.cylinder} {limiting.kind}"),
         ),
-        note="; ".join(filter(None, (between_poses({"": frequencies}), *notes))),
+        note="; ".join(filter(None, notes)),
         bold=(0,),
     )
 
