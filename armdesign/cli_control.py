@@ -50,7 +50,7 @@ def control(
         maps: dict[str, BandwidthMap] = {}
         for label, model in models.items():
             fit = (one.workspace for one in maps.values() if one.workspace.suits(model))
-            grid = Workspace.grid(model, counts or default_points(model))
+            grid = Workspace.grid(model, default_points(model) if counts is None else counts)
             maps[label] = bandwidth_map(
                 model,
                 next(fit, grid),

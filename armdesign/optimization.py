@@ -141,8 +141,9 @@ def best_bandwidth(
     """The design of the largest least bandwidth that was found, with the values of the file.
 
     A local search, without a bound. It starts from the design of the highest worst frequency, so
-    that it is never worse than this. Bandwidths are reached with gains common to all joints, at
-    ``least_bandwidth.POSES`` poses of the workspace, where today's machine has one.
+    that it is never worse than this; today's machine may have more. Bandwidths are reached with
+    gains common to all joints, at ``least_bandwidth.POSES`` poses of the workspace, where today's
+    machine has one.
 
     Args:
         machine: today's machine; every actuator needs a valve.
@@ -171,7 +172,7 @@ def best_bandwidth(
         )
         design = best_frequency(*within, near)
         risen = look.least(design.machine)
-        if risen <= (1 + RISEN) * max(reached):
+        if risen <= (1 + RISEN) * reached[-1]:
             break
         best, reached = design, [*reached[:2], risen]
     options = aimed.options

@@ -24,7 +24,7 @@ import numpy as np
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, Filter
-from armdesign.control.loop_plant import LoopPlant
+from armdesign.control.loop_plant import LoopPlant, refuse_long
 from armdesign.control.map_parts import ControlOptions, MapPart, map_parts
 from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN
 from armdesign.control.most_margin import no_gains_keep
@@ -173,8 +173,8 @@ def bandwidth_map(
         corner: of that filter [rad/s]; None: follows the lowest natural frequency.
 
     Raises:
-        ArmDesignError: damping that is none, numbers that cannot be, or a margin that no gains
-            keep; with the largest that some keep.
+        ArmDesignError: damping that is none, numbers that cannot be, a delay of many periods of
+            the lowest mode, or a margin that no gains keep; with the largest that some keep.
         PoseError: a pose that this machine cannot take, or no pose at which a controller works.
         SimulationError: an actuator has no valve.
 
@@ -200,6 +200,7 @@ def bandwidth_map(
     )
     workspace = workspace or Workspace.grid(machine, points=default_points(machine))
     parts = map_parts(list(load_cases(machine, workspace)), machine)
+    refuse_long(delay, min(part.lowest for part in parts), machine)
     found = schemes(parts, options)
     tables = [_tabled(part, options, each) for part, each in zip(parts, found, strict=True)]
     bandwidths = _assembled(machine, workspace, options, tables)

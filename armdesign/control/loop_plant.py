@@ -194,7 +194,7 @@ def loop_plant(
         delay: between demand and spool [s].
 
     Raises:
-        ArmDesignError: a mode is not damped, a delay or damping ratio cannot be, or is too long.
+        ArmDesignError: a mode is not damped, or a delay or damping ratio cannot be.
         SimulationError: an actuator has no valve.
     """
     ratio = checked_damping(damping)
@@ -220,7 +220,7 @@ def loop_plant(
     stiffness = -((force @ A)[:, :, rows] * arms).sum(axis=2) / (arms**2).sum(axis=2)
     gains = np.einsum("cs,nsc->nc", force, by_spool) / stiffness
     valves = [actuator.valve for actuator in machine.actuators if actuator.valve]
-    plant = LoopPlant(
+    return LoopPlant(
         q=poses.q,
         A=A,
         B=by_spool / gains[:, None],
@@ -234,17 +234,18 @@ def loop_plant(
         valve_damping=np.array([valve.damping_ratio for valve in valves]),
         delay=float(delay),
     )
-    _refuse_long(plant, machine)
-    return plant
 
 
-def _refuse_long(plant: LoopPlant, machine: Machine) -> None:
-    """Refuse a delay of so many periods of the lowest mode that no controller would be of use."""
-    lowest = float(plant.frequencies[:, 0].min(initial=math.inf))
-    if plant.delay and plant.delay * lowest > LONGEST:
+def refuse_long(delay: float, lowest: float, machine: Machine) -> None:
+    """Refuse a delay [s] of so many periods of the lowest mode [Hz] that no controller is of use.
+
+    Raises:
+        ArmDesignError: such a delay, with the longest that is allowed.
+    """
+    if LONGEST / lowest < delay < math.inf:
         longest = outward(LONGEST / lowest / ms, 3, up=False)
         fault = (
-            f"{plant.delay / ms:g} ms are {plant.delay * lowest:.0f} periods of the lowest mode,"
+            f"{delay / ms:g} ms are {delay * lowest:.0f} periods of the lowest mode,"
             f" {lowest:.3g} Hz"
         )
         remedy = f"give {longest:g} ms or less (in Python delay={longest * ms:g})"

@@ -17,6 +17,7 @@ from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN, disk_margin_
 from armdesign.control.tuning import Aim, Task
 from armdesign.errors import ArmDesignError, PoseError
 from armdesign.frequency.cases import CasePoses, in_chunks, poses_of
+from armdesign.frequency.modes import natural_modes
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
 
@@ -64,6 +65,11 @@ class MapPart(NamedTuple):
     case: CasePoses
     poses: Poses
     works: Array  # indices
+
+    @property
+    def lowest(self) -> float:
+        """Lowest natural frequency at which a controller works [Hz]; inf where none does."""
+        return float(natural_modes(self.poses[self.works]).frequencies.min(initial=math.inf))
 
     def plant(self, options: ControlOptions, rows: Array | None = None) -> LoopPlant:
         """The plants at the poses at which a controller works, or at some of these."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
+from armdesign.control.loop_plant import LoopPlant, loop_plant, refuse_long, workable
 from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.tuning import CLOSE, Task, damped, proportional
@@ -61,6 +61,7 @@ def common_gains(
         ArmDesignError: no valve, no damping on which a bandwidth could rest, or no margin kept.
     """
     plant = loop_plant(machine, poses, options.damping, options.delay)
+    refuse_long(options.delay, float(plant.frequencies.min(initial=math.inf)), machine)
     task = Task(plant, Loops.of(plant), options.aim, close)
     simple = proportional(task)
     tuned = (simple, damped(task).or_wider(simple))

@@ -134,6 +134,8 @@ class WhatIf:
 
     def _without_estimate(self) -> str:
         """Why linear estimates are left out; empty where they are not."""
+        if not self.changes:
+            return "nothing changes: these are the values that the machine has"
         if self.frame["linear"].isna().all():
             return "no linear estimate: more than numbers changes, a word or a count"
         below = int(self.impossible.sum())

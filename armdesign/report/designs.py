@@ -94,7 +94,12 @@ def bandwidth_sheet(design: Design) -> Sheet | None:
         ("highest worst frequency", f"{of_frequency:.3f} Hz", f"{_percent(of_frequency, today)}"),
         ("new", f"{new:.3f} Hz", f"{_percent(new, today)}"),
     )
-    none = "; no design has more than the one of the highest worst frequency, as far as was found"
+    none = ""
+    if new == of_frequency:
+        none = "; no design has more than the one of the highest worst frequency"
+    if new < today:
+        none = "; no design has as much as today's machine: for bandwidth, keep that"
+    none += ", as far as was found" if none else ""
     return Sheet(
         title="Least bandwidth of the position loops",
         columns=("", "bandwidth", "gain"),
@@ -102,7 +107,7 @@ def bandwidth_sheet(design: Design) -> Sheet | None:
         note=(
             "one position gain and one gain of pressure feedback for all joints, at poses and load"
             " cases where today's machine has one; found by a local search, no bound is known"
-            f"{none if new == of_frequency else ''}"
+            f"{none}"
         ),
         bold=(2,),
     )

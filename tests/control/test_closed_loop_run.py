@@ -16,10 +16,19 @@ from armdesign.machine.loading import shipped
 from tests.control.closed_loop_run import closed_loop_run
 from tests.control.machines import single_pose
 
+CALIBRATED, YIELDING = "calibrated", "cylinder.lift.compliance_m_per_N"
+DATA_SHEET = {YIELDING: 0.0, "fluid.entrained_air_percent": 0.0, "fluid.bulk_modulus_MPa": 1200.0}
+
 
 def loaded(name: str) -> ad.Machine:
-    """Under its last load case; the paper's machine, which has no damping, with some friction."""
-    machine = ad.load(name)
+    """Under its last load case; the paper's machine, which has no damping, with some friction.
+
+    ``CALIBRATED``: the crane of the data sheet, fitted to its recording as in study 08.
+    """
+    machine = ad.load("loader_crane" if name == CALIBRATED else name)
+    if name == CALIBRATED:
+        measured = machine.source.parent / "measured.csv"
+        machine = ad.calibrate(machine.replace(DATA_SHEET), measured, [YIELDING]).machine
     if name == "paper_1dof":
         friction = {"cylinder.lift.friction.viscous_N_s_per_m": 8000.0}
         machine = machine.replace(friction)
@@ -36,7 +45,7 @@ def pose_of(machine: ad.Machine) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", [*shipped(), CALIBRATED])
 def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
     """Within 10 % at the chosen gains, own and common; growth at 1.3 × the critical gain."""
     machine = loaded(name)
@@ -52,7 +61,8 @@ def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
             nonlinear, predicted = run.damping_ratios
             assert predicted > 0
             assert nonlinear == pytest.approx(predicted, rel=0.1)
-            assert abs(run.amplitude[-1]) < 0.8
+            left = abs(np.exp(run.pole * run.time[-1]))  # and what drifts
+            assert abs(run.amplitude[-1]) < max(0.8, (1 + left) / 2)
     beyond = replace(own, position=1.3 * critical_factor(plant, own)[0] * own.position)
     run = closed_loop_run(machine, q, beyond)
     assert run.pole.real > 0
