@@ -102,6 +102,18 @@ def test_tables_are_those_of_the_files(document_of: Any) -> None:
     pd.testing.assert_frame_equal(numbers, written[numbers.columns], check_dtype=False, rtol=1e-8)
 
 
+@pytest.mark.slow
+def test_a_design_has_the_validations_of_both_machines(document_of: Any) -> None:
+    answer = document_of("design", "paper_1dof", "--points", "3", "--starts", "1")
+    rows = answer["tables"]["validation"]
+    written = pd.read_csv(Path(answer["folder"], "validation.csv"))
+    assert list(rows[0]) == list(written)
+    assert [row["version"] for row in rows] == written["version"].tolist()
+    assert {"today", "new"} == set(written["version"])
+    numbers = pd.DataFrame(rows).select_dtypes("number")
+    pd.testing.assert_frame_equal(numbers, written[numbers.columns], check_dtype=False, rtol=1e-8)
+
+
 def test_faults_are_in_the_document(document_of: Any, tmp_path: Path) -> None:
     answer = document_of("map", "paper_1dof", "--set", "fluid.bulk=3", code=2)
     (fault,) = answer["faults"]
