@@ -29,6 +29,7 @@ from armdesign.option_values import grid_points, listed
 from armdesign.options import (
     FrequencyOption,
     LeastOption,
+    LikeOption,
     MachineArgument,
     PointsOption,
     PosesWorkersOption,
@@ -289,10 +290,7 @@ def new(
             "--links", help="Number of moving links, 1 to 6; default: 2.", show_default=False
         ),
     ] = None,
-    like: Annotated[
-        str,
-        typer.Option("--like", help="A machine to begin with, as excavator_20t, loader_crane."),
-    ] = "",
+    like: LikeOption = "",
     four_bar: Annotated[
         bool, typer.Option("--four-bar", help="Move the last joint through a four-bar.")
     ] = False,
