@@ -52,7 +52,7 @@ def test_a_map_comes_down_to_numbers(document_of: Any) -> None:
     assert answer["numbers"]["boom_at_worst"] == pytest.approx(frequencies.worst.q[0], rel=1e-8)
     folder = Path(answer["folder"])
     assert {folder / name for name in answer["files"]} == set(folder.iterdir())
-    assert "Lowest coupled frequency over the workspace [Hz]" in {
+    assert "Lowest coupled frequency at the poses of the workspace [Hz]" in {
         sheet["title"] for sheet in answer["sheets"]
     }
 
