@@ -1,7 +1,7 @@
 """The command line: ``armdesign map | optimize | validate | design MACHINE --out DIR`` and others.
 
-Every command computes first and writes at the end, all files or none. Bad input is one line on
-stderr and exit code 2.
+Every command computes first and writes at the end, all files or none; ``design``, interrupted
+after its search, keeps the new machine. Bad input is one line on stderr and exit code 2.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from armdesign.option_values import grid_points, listed
 from armdesign.options import (
     FrequencyOption,
     LeastOption,
+    LikeOption,
     MachineArgument,
     PointsOption,
     PosesWorkersOption,
@@ -177,8 +178,7 @@ def validate(run: OverWorkspace, workers: PosesWorkersOption = 1) -> None:
         output_reports.write_plain_report(
             title, items, [responses], charts, drawn, provenance, folder
         )
-    tables = {"validation": answer.frame}
-    run.show(items, lambda: of_validation(answer), tables)
+    run.show(items, lambda: of_validation(answer), {"validation": answer.frame})
 
 
 @app.command()
@@ -198,13 +198,13 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
         run.go_on(out)
-        options = {"vary": ("areas", "pins"), **search.settings}
-        answer = _design(model, workspace, options, say)
+        answer = _design(model, workspace, {"vary": ("areas", "pins"), **search.settings}, say)
         say("simulating the worst, the median and the best pose, today and new")
         try:
             both = validate_maps([answer.before, answer.after], search.workers or 1)
         except KeyboardInterrupt:
-            output.keep_machine(answer, out)
+            with run.writing(out) as folder:
+                output.write_machine(answer, folder)
             raise
         proofs = dict(zip(("today", "new"), both, strict=True))
         say("writing the report")
@@ -214,7 +214,8 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
                 answer, proofs, run.origin(search), folder, run.units.units
             )
     shown: list[Any] = [*sheets, limiting_sheet(proofs), summary(answer)]
-    run.show(shown, lambda: {**of_validation(proofs["new"]), **of_search(answer)})
+    tables = {"validation": output.validations_frame(proofs, "version")}
+    run.show(shown, lambda: {**of_validation(proofs["new"]), **of_search(answer)}, tables)
 
 
 @app.command()
@@ -289,10 +290,7 @@ def new(
             "--links", help="Number of moving links, 1 to 6; default: 2.", show_default=False
         ),
     ] = None,
-    like: Annotated[
-        str,
-        typer.Option("--like", help="A machine to begin with, as excavator_20t, loader_crane."),
-    ] = "",
+    like: LikeOption = "",
     four_bar: Annotated[
         bool, typer.Option("--four-bar", help="Move the last joint through a four-bar.")
     ] = False,

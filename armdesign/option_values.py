@@ -73,7 +73,7 @@ def _named(text: str, joints: Sequence[str], option: str, remedy: str) -> dict[s
     positions = dict[str, str]()
     for name, number in ((name.strip(), number) for name, number in named):
         if name not in joints:
-            fault = f'there is no joint "{name}" in q'
+            fault = f'there is no joint "{name}" in the pose'
             raise ArmDesignError(option, fault, choose(name, joints))
         if name in positions:
             raise ArmDesignError(option, f"names {name} twice", "give one position of each joint")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -34,11 +35,39 @@ def machine_names(incomplete: str) -> list[str]:
     return [*names, *(str(path) for path in paths if path.suffix == ".toml")]
 
 
+def one_of(*words: str) -> Callable[[str], list[str]]:
+    """For a shell: which of some words a beginning may become."""
+
+    def completed(incomplete: str) -> list[str]:
+        return [word for word in words if word.startswith(incomplete)]
+
+    return completed
+
+
+def some_of(*words: str) -> Callable[[str], list[str]]:
+    """As ``one_of``, for the last of several words that commas separate."""
+    last_of = one_of(*words)
+
+    def completed(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",")
+        return [f"{before}{comma}{word}" for word in last_of(last)]
+
+    return completed
+
+
 FolderArgument = Annotated[Path, typer.Argument(help="Folder that a command has written into.")]
 MachineArgument = Annotated[
     str,
     typer.Argument(
         help="A shipped machine (excavator_20t), a folder, or a .toml file.",
+        autocompletion=machine_names,
+    ),
+]
+LikeOption = Annotated[
+    str,
+    typer.Option(
+        "--like",
+        help="A machine to begin with, as excavator_20t, loader_crane.",
         autocompletion=machine_names,
     ),
 ]
@@ -70,6 +99,7 @@ ObjectiveOption = Annotated[
     typer.Option(
         "--objective",
         metavar="gain|worst|bandwidth",
+        autocompletion=one_of("gain", "worst", "bandwidth"),
         help="What rises: the least gain in frequency within the bands, the worst frequency within"
         " them, or the least bandwidth of position loops, with the file's values.",
     ),
@@ -121,7 +151,12 @@ NominalOption = Annotated[
     bool, typer.Option("--nominal", help="Design for the file's values alone, not its [bands].")
 ]
 LeastOption = Annotated[
-    str, typer.Option("--least", help="Minimise oil, flow or mass instead; needs --frequency.")
+    str,
+    typer.Option(
+        "--least",
+        help="Minimise oil, flow or mass instead; needs --frequency.",
+        autocompletion=one_of("oil", "flow", "mass"),
+    ),
 ]
 FrequencyOption = Annotated[
     float,
@@ -132,7 +167,12 @@ FrequencyOption = Annotated[
     ),
 ]
 AgainstOption = Annotated[
-    str, typer.Option("--against", help="Limit to vary: oil, thrust, digging, lift or pin_box.")
+    str,
+    typer.Option(
+        "--against",
+        help="Limit to vary: oil, thrust, digging, lift or pin_box.",
+        autocompletion=one_of("oil", "thrust", "digging", "lift", "pin_box"),
+    ),
 ]
 ValuesOption = Annotated[
     str,
@@ -179,10 +219,20 @@ BandOption = Annotated[
     str, typer.Option("--band", help="Lowest and highest frequency of a response, as 0.5:4.")
 ]
 MachineOption = Annotated[
-    str, typer.Option("--machine", help="A machine, whose cylinders and joints the columns name.")
+    str,
+    typer.Option(
+        "--machine",
+        help="A machine, whose cylinders and joints the columns name.",
+        autocompletion=machine_names,
+    ),
 ]
 NewOption = Annotated[
-    str, typer.Option("--new", help="Another machine, whose loops are closed for comparison.")
+    str,
+    typer.Option(
+        "--new",
+        help="Another machine, whose loops are closed for comparison.",
+        autocompletion=machine_names,
+    ),
 ]
 DelayOption = Annotated[
     float, typer.Option("--delay", help="Delay between controller and spool in ms.")
@@ -194,7 +244,12 @@ PhaseMarginOption = Annotated[
     float, typer.Option("--phase-margin", help="That all loops keep together, in deg.")
 ]
 FilterOption = Annotated[
-    str, typer.Option("--filter", help="Of load pressures fed back: high-pass or band-pass.")
+    str,
+    typer.Option(
+        "--filter",
+        help="Of load pressures fed back: high-pass or band-pass.",
+        autocompletion=one_of("high-pass", "band-pass"),
+    ),
 ]
 CornerOption = Annotated[
     float | None,
@@ -252,6 +307,7 @@ ShaperOption = Annotated[
         "--shaper",
         help="none, zv, zvd, ei: for the end; band: for all of the way and its payloads; or"
         " workspace.",
+        autocompletion=one_of("none", "zv", "zvd", "ei", "band", "workspace"),
     ),
 ]
 ShapedModesOption = Annotated[
@@ -280,10 +336,20 @@ SpreadOption = Annotated[
     typer.Option("--spread", help="Tried with payloads this share lighter and heavier, too."),
 ]
 ExportFormatOption = Annotated[
-    str, typer.Option("--format", help="csv, dxf, urdf, sdf; several by commas.")
+    str,
+    typer.Option(
+        "--format",
+        help="csv, dxf, urdf, sdf; several by commas.",
+        autocompletion=some_of("csv", "dxf", "urdf", "sdf"),
+    ),
 ]
 NewArgument = Annotated[
-    str, typer.Argument(help="Another machine, drawn over it; default: none.", show_default=False)
+    str,
+    typer.Argument(
+        help="Another machine, drawn over it; default: none.",
+        show_default=False,
+        autocompletion=machine_names,
+    ),
 ]
 PoseOption = Annotated[
     str,

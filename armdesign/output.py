@@ -101,7 +101,7 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     from armdesign import plots
     from armdesign.report.lift_charts import lift_charts
 
-    design.written_by(command_line()).save(folder / made_of(design.today))
+    write_machine(design, folder)
     write_csv(design.before.frame, folder / "map_before.csv")
     write_csv(design.after.frame, folder / "map_after.csv")
     over_joints = "Lowest natural frequency over two joints"
@@ -125,6 +125,11 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     return [*saved, *((text, path) for text, path in more if path)]
 
 
+def write_machine(design: Design, folder: Path) -> None:
+    """Write the machine file of a design alone."""
+    design.written_by(command_line()).save(folder / made_of(design.today))
+
+
 def write_overlay(maps: Mapping[str, FrequencyMap], folder: Path) -> Path | None:
     """Write two machines over each other in the first one's worst pose.
 
@@ -138,12 +143,6 @@ def write_overlay(maps: Mapping[str, FrequencyMap], folder: Path) -> Path | None
     worst, labels = next(iter(maps.values())).worst, tuple(maps)
     ax = plots.machine_overlay(old, new, worst.q, labels=(labels[0], labels[1]))
     return plots.save(ax.figure, folder / "overlay.png")
-
-
-def keep_machine(design: Design, out: Path) -> None:
-    """Write the machine of a design alone, into the folder for all of its files."""
-    with outputs(out, silent=True) as folder:
-        design.written_by(command_line()).save(folder / made_of(design.today))
 
 
 def write_steps(answer: Steps, folder: Path) -> None:
@@ -225,13 +224,20 @@ def check_urdf(machine: Machine, out: Path) -> None:
     raise _refused(out, f"another {urdf.name} is there")
 
 
-def write_validations(validations: dict[str, Validation], folder: Path, label: str = "") -> None:
-    """Write all validations as one CSV file; their names go into a column ``label``."""
+def validations_frame(validations: Mapping[str, Validation], label: str = "") -> pd.DataFrame:
+    """All validations as in ``validation.csv``; their names go into a column ``label``."""
     import pandas as pd
 
     named = (({label: name} if label else {}, one.frame) for name, one in validations.items())
     frames = [frame.assign(**column) for column, frame in named]
-    write_csv(pd.concat(frames, ignore_index=True), folder / "validation.csv")
+    return pd.concat(frames, ignore_index=True)
+
+
+def write_validations(
+    validations: Mapping[str, Validation], folder: Path, label: str = ""
+) -> None:
+    """Write all validations as one CSV file; their names go into a column ``label``."""
+    write_csv(validations_frame(validations, label), folder / "validation.csv")
 
 
 def _refused(out: Path | str, fault: str) -> ArmDesignError:

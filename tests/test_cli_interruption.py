@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import signal
@@ -307,3 +308,8 @@ def test_a_design_outlives_its_validation(
     monkeypatch.setattr("armdesign.design.optimize.multistart", refused)
     assert main(words, monkeypatch) == 130
     assert ad.load(out / "paper_1dof_optimized.toml").text == text
+    capsys.readouterr()
+    assert main([*words, "--json"], monkeypatch) == 130
+    document = json.loads(capsys.readouterr().out)
+    assert document["folder"] == str(out)
+    assert document["files"] == ["paper_1dof.urdf", "paper_1dof_optimized.toml"]

@@ -52,7 +52,7 @@ def test_a_map_comes_down_to_numbers(document_of: Any) -> None:
     assert answer["numbers"]["boom_at_worst"] == pytest.approx(frequencies.worst.q[0], rel=1e-8)
     folder = Path(answer["folder"])
     assert {folder / name for name in answer["files"]} == set(folder.iterdir())
-    assert "Lowest coupled frequency over the workspace [Hz]" in {
+    assert "Lowest coupled frequency at the poses of the workspace [Hz]" in {
         sheet["title"] for sheet in answer["sheets"]
     }
 
@@ -99,6 +99,18 @@ def test_tables_are_those_of_the_files(document_of: Any) -> None:
     written = pd.read_csv(Path(answer["folder"], "sensitivity.csv"))
     numbers = pd.DataFrame(answer["tables"]["sensitivity"]).select_dtypes("number")
     assert list(answer["tables"]["sensitivity"][0]) == list(written)
+    pd.testing.assert_frame_equal(numbers, written[numbers.columns], check_dtype=False, rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_design_has_the_validations_of_both_machines(document_of: Any) -> None:
+    answer = document_of("design", "paper_1dof", "--points", "3", "--starts", "1")
+    rows = answer["tables"]["validation"]
+    written = pd.read_csv(Path(answer["folder"], "validation.csv"))
+    assert list(rows[0]) == list(written)
+    assert [row["version"] for row in rows] == written["version"].tolist()
+    assert {"today", "new"} == set(written["version"])
+    numbers = pd.DataFrame(rows).select_dtypes("number")
     pd.testing.assert_frame_equal(numbers, written[numbers.columns], check_dtype=False, rtol=1e-8)
 
 

@@ -7,13 +7,21 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, get_args
 
 import pandas as pd
 import pytest
+import typer
 
 import armdesign as ad
 from armdesign import cli
-from armdesign.options import machine_names
+from armdesign.control.controller import Filter
+from armdesign.design.least import AMOUNTS
+from armdesign.design.search.multistart import OBJECTIVES
+from armdesign.exchange.files import FORMATS
+from armdesign.motion.shaping import KINDS
+from armdesign.options import machine_names, one_of, some_of
+from armdesign.plots.designs import TRADED
 from tests.commands import assert_one_line, main, run
 
 READING = (  # commands that read machines
@@ -119,6 +127,27 @@ def test_machines_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert {"excavator_20t", "example/", "exact.toml"} <= set(names)
     assert "exact.urdf" not in names
     assert machine_names("[") == []
+
+
+def test_words_of_options_complete() -> None:
+    """All that an option takes, as its command knows them; after a comma the next of several."""
+    known = {
+        ("optimize", "--objective"): [*OBJECTIVES, "bandwidth"],
+        ("optimize", "--least"): AMOUNTS,
+        ("pareto", "--against"): TRADED,
+        ("export", "--format"): FORMATS,
+        ("control", "--filter"): get_args(Filter),
+        ("move", "--shaper"): KINDS,
+        ("new", "--like"): machine_names(""),
+    }
+    group: Any = typer.main.get_command(cli.app)
+    for (name, option), words in known.items():
+        command = group.commands[name]
+        (one,) = (p for p in command.params if option in p.opts)
+        completed = one.shell_complete(typer.Context(command), "")
+        assert sorted(item.value for item in completed) == sorted(words), option
+    assert one_of("high-pass", "band-pass")("b") == ["band-pass"]
+    assert some_of("csv", "sdf")("csv,s") == ["csv,sdf"]
 
 
 def test_the_shell_asks_for_words(tmp_path: Path) -> None:

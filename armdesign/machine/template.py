@@ -17,7 +17,7 @@ from armdesign.machine import scaffold
 from armdesign.machine.file.json_schema import meaning, of_how_many
 from armdesign.machine.file.key_paths import Location, annotation, is_table
 from armdesign.machine.file.schema import MachineSection
-from armdesign.machine.file.section import DEVICE, NAME_LENGTH, NAME_PATTERN
+from armdesign.machine.file.section import DEVICE, NAME_LENGTH, NAME_PATTERN, NAME_RULE
 from armdesign.machine.file.toml_writing import ONE_LINE
 from armdesign.machine.links_of_urdf import links_of
 from armdesign.machine.loading import load
@@ -45,7 +45,7 @@ def new(name: str, *, links: int = 2, like: str = "", four_bar: bool = False) ->
         fault = f'"{name}" is a device of Windows, not a file'
         raise ArmDesignError("name", fault, "give another name")
     if not re.match(NAME_PATTERN, name) or len(name) > NAME_LENGTH or name.endswith("\n"):
-        remedy = f"start with a letter, then letters, digits, _ or -, at most {NAME_LENGTH}"
+        remedy = f"{NAME_RULE}, at most {NAME_LENGTH}"
         raise ArmDesignError("name", f'"{name:.70}" is not allowed', remedy)
     if like:
         source = load(like)

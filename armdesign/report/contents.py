@@ -14,7 +14,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.plots.charts import Chart
 from armdesign.report.scene import MapScene
 from armdesign.report.sheet import Sheet
-from armdesign.report.unreadable import AGAIN, unreadable
+from armdesign.report.unreadable import AGAIN, lost_keys, unreadable
 
 FILE = "report.json"
 PAGE = "report.html"
@@ -86,6 +86,8 @@ class Report:
             ArmDesignError: the folder keeps none, one of another version, or a damaged one.
         """
         path = folder / FILE
+        if folder.is_file():
+            raise ArmDesignError(str(folder), "is a file", f"give its folder: {folder.parent}")
         try:
             text = path.read_text(encoding="utf-8")
         except FileNotFoundError:
@@ -108,4 +110,6 @@ class Report:
             raise unreadable(text, part, FORMAT, place) from None
         if report.format != FORMAT:
             raise unreadable(text, part, FORMAT, "")
+        if lost := next(lost_keys(json.loads(text), asdict(report)), ""):
+            raise unreadable(text, part, FORMAT, lost)
         return report

@@ -36,6 +36,22 @@ def unreadable(text: str, part: str, reads: int, place: str) -> ArmDesignError:
     return ArmDesignError(part, f"is damaged: {_damage(text, place)}", remedy)
 
 
+def lost_keys(known: Any, read: Any, place: str = "") -> Iterator[str]:
+    """Paths of keys that a file lacks and ``read``, of what it says, has: all of them are written.
+
+    Both without faults of types.
+    """
+    if isinstance(read, dict):
+        for key, value in read.items():
+            if key not in known:
+                yield f"{place}{key}"
+            else:
+                yield from lost_keys(known[key], value, f"{place}{key}.")
+    elif isinstance(read, tuple | list):
+        for i, (one, other) in enumerate(zip(known, read, strict=True)):
+            yield from lost_keys(one, other, f"{place}{i}.")
+
+
 def _loosely(text: str) -> dict[str, Any]:
     """What a file says, whoever wrote it; nothing where it is no table."""
     try:

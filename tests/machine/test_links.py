@@ -198,6 +198,15 @@ def test_sensitivity_knows_the_links() -> None:
 # ----------------------------------------------------------------------------------------- faults
 
 
+def test_a_name_of_other_letters_is_one_fault(tmp_path: Path) -> None:
+    """Joints and pins that name the link are right once it has another name."""
+    text = PLAIN.replace("[links.stick]", '[links."стрела"]').replace('"stick"', '"стрела"')
+    (tmp_path / "arm.toml").write_text(text, encoding="utf-8")
+    (fault,) = faults(tmp_path / "arm.toml")
+    assert fault.part == "arm.toml: links.стрела"
+    assert fault.remedy.startswith("start with a letter a to z, then letters a to z, digits")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

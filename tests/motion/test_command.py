@@ -53,7 +53,7 @@ def test_stops_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--to", "bom=3"], '--to: there is no joint "bom" in q; did you mean "boom"?'),
+        (["--to", "bom=3"], '--to: there is no joint "bom" in the pose; did you mean "boom"?'),
         (["--to", "boom=x"], '--to: "x" is no position of boom; give boom=… deg'),
         (["--to", "1,2"], '--to: "1,2" is not one position per joint; give boom=… deg'),
         (

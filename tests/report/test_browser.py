@@ -305,6 +305,26 @@ def compact(text: str) -> str:
     return "".join(unicodedata.normalize("NFKC", text).split())
 
 
+def test_a_heading_is_not_left_with_one_row(browser: Any, written: Path) -> None:
+    """However much of a sheet is filled above "Provenance", three rows stand with it or none."""
+    from pypdf import PdfReader
+
+    tab, _ = opened(browser, written)
+    tab.evaluate(
+        """[...document.querySelectorAll('h2')].find((h) => h.innerText === 'Provenance').before(
+          Object.assign(document.createElement('div'), {id: 'above', style: 'break-before: page'})
+        )"""
+    )
+    moved = set()
+    for height in range(216, 249, 6):  # mm, of 267
+        tab.evaluate(f"document.querySelector('#above').style.height = '{height}mm'")
+        pages = [one.extract_text() for one in PdfReader(io.BytesIO(tab.pdf(format="A4"))).pages]
+        at = next(i for i, text in enumerate(pages) if "\nProvenance\n" in f"\n{text}\n")
+        assert "begun" in pages[at].partition("Provenance")[2]
+        moved.add(at)
+    assert len(moved) == 2
+
+
 @pytest.mark.parametrize(("paper", "width"), [("A4", 210), ("Letter", 215.9)])
 def test_print_cuts_nothing(paper: str, width: float, browser: Any, written: Path) -> None:
     """Every cell of every table is in the PDF's text, and no element leaves the sheet."""

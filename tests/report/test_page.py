@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import functools
 import hashlib
 import json
 import re
@@ -20,6 +21,7 @@ from armdesign.arrays import Array
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import side_view
 from armdesign.drawing.swing import Swings, picture_joints
+from armdesign.errors import ArmDesignError
 from armdesign.machine.poses import pose_text
 from armdesign.plots.charts import Chart, Curve
 from armdesign.report.contents import FORMAT, HeadlineNumber, Picture, Report, ReportSection
@@ -363,3 +365,23 @@ def test_a_report_survives_its_file() -> None:
     assert [number.name for number in report.headline] == ["rigid", "nominal", "softest"]
     data: dict[str, Any] = json.loads(report.text())
     assert data["format"] == FORMAT
+
+
+def test_no_key_of_a_report_may_be_lost() -> None:
+    """Those that have a default too: a map without its drawing, a headline without numbers."""
+    frequencies = two_joints()
+    provenance = Origin.begin("armdesign map x", {}).sheet({"": frequencies.machine})
+    report = map_report(frequencies, map_sheets(frequencies), (), provenance)
+    for path in ("scene", "headline", "sections.0.shows", "sections.1.sheets.0.note"):
+        data: Any = json.loads(report.text())
+        *above, key = path.split(".")
+        part = functools.reduce(lambda one, k: one[int(k) if k.isdigit() else k], above, data)
+        del part[key]
+        with pytest.raises(ArmDesignError, match=f"is damaged: {path} is not what armdesign"):
+            Report.of_text(json.dumps(data))
+
+
+def test_a_report_is_named_by_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "report.json").touch()
+    with pytest.raises(ArmDesignError, match="is a file; give its folder: "):
+        Report.read(tmp_path / "report.json")

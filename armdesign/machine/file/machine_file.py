@@ -22,6 +22,7 @@ from armdesign.machine.file.schema_faults import (
     first_fault,
     location_of,
     mend,
+    of_name,
     unnamed_tables,
 )
 from armdesign.machine.file.toml_reading import KeyLines, lines_of, read_toml
@@ -130,6 +131,7 @@ def faults(
     all_faults: list[MachineFileError] = list(unnamed_tables(data, source))
     wrong = {fault.part.removeprefix(f"{source}: ") for fault in all_faults}
     unnamed, key_lines, stand_ins = frozenset(wrong), KeyLines(text), False
+    unusable = set[str]()  # names of tables, taken out with them: others may point there
     for _ in range(MENDING):
         try:
             section = MachineSection.model_validate(data)
@@ -139,6 +141,7 @@ def faults(
             if not stand_ins:  # later ones are faults of stand-ins
                 named = [fault for fault in invalid if fault["loc"][0] not in unnamed]
                 all_faults += [explained(fault, source, key_lines) for fault in named[:MOST]]
+                unusable |= {f'"{location_of(fault)[-1]}"' for fault in named if of_name(fault)}
             stand_ins = True
             for location in map(location_of, invalid):
                 wrong.add(".".join(map(str, location)))
@@ -150,7 +153,7 @@ def faults(
         fault
         for fault in contradictions(section, source)
         if _table(fault.part.removeprefix(f"{source}: ")) not in tables
-        and STAND_IN not in str(fault)
+        and not any(name in str(fault) for name in (STAND_IN, *unusable))
     ]
     return section, all_faults, wrong
 

@@ -24,6 +24,7 @@ from armdesign.machine.file.key_paths import (
 )
 from armdesign.machine.file.likely_values import USUAL, is_usual_at, likely_units
 from armdesign.machine.file.schema import FORMS, MachineSection
+from armdesign.machine.file.section import NAME_RULE
 from armdesign.machine.file.toml_reading import KeyLines, list_meant, number_meant
 
 
@@ -56,6 +57,11 @@ def location_of(fault: Any) -> Location:
     return tuple(part for part in fault["loc"] if part not in ("[key]", *FORMS))
 
 
+def of_name(fault: Any) -> bool:
+    """Whether a fault is that of the name of a table."""
+    return bool(fault["loc"][-1:] == ("[key]",))
+
+
 def explained(fault: Any, source: str, key_lines: KeyLines, more: str = "") -> MachineFileError:
     """One fault of the schema, the most likely cause first; ``more`` ends its remedy."""
     location = location_of(fault)
@@ -74,8 +80,8 @@ def _words(fault: Any, location: Location, written: str) -> tuple[str, str]:
         close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
         keys = f"known keys: {', '.join(known)}"
         return "unknown key", f'did you mean "{close[0]}"?' if close else keys
-    if fault["loc"][-1:] == ("[key]",):
-        return "is not a usable name", "start with a letter, then letters, digits, _ or -"
+    if of_name(fault):
+        return "is not a usable name", NAME_RULE
     words = f"{_shown(fault['input'])} is not allowed"
     remedy = f"give {may_be or 'another value'}"
     cause, correction = _likely_cause(fault["input"], location, written)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 # of Windows, whatever follows a point
 DEVICE = re.compile(r"(?:con|prn|aux|nul|com[0-9]|lpt[0-9])(?:\..*)?", re.IGNORECASE)
 NAME_PATTERN, NAME_LENGTH = r"^[A-Za-z_][A-Za-z0-9_-]*$", 64
+NAME_RULE = "start with a letter a to z, then letters a to z, digits, _ or -"
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=NAME_LENGTH)]
 Text = Annotated[str, Field(min_length=1, max_length=200)]
 Length = Annotated[float, Field(gt=0, le=100_000)]

@@ -328,7 +328,7 @@ CASES: list[tuple[str, Any, str]] = [
         r"end_margin: 0\.5 is not allowed; give a number in \[0, 0\.5\)",
     ),
     ("urdf", "..", r'urdf: "\.\." is not a file name'),
-    ("name", "../up", r'name: "\.\./up" is not allowed; give a text of letters, digits'),
+    ("name", "../up", r'name: "\.\./up" is not allowed; give a text of letters a to z, digits'),
 ]
 
 
