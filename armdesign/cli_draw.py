@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from armdesign.errors import ArmDesignError
 from armdesign.option_values import drawn_pose, loaded
 from armdesign.options import NewArgument, PayloadOption, PoseOption
 from armdesign.runs import OfMachine, command
+
+if TYPE_CHECKING:
+    from armdesign.machine.machine import Machine
 
 
 @partial(command, without=("units",))
@@ -18,8 +23,8 @@ def draw(
 
     Writes machine.png, the side view with named pins, cylinders between them, joint ranges and
     the range of the tool, and modes.png with the lowest modes; with NEW overlay.png, where arrows
-    show the pins that moved, in mm. A machine that cannot be used is drawn too, and its faults are
-    listed.
+    show the pins that moved, in mm. With --payload that load case alone is drawn; without it the
+    loads of all. A machine that cannot be used is drawn too, and its faults are listed.
     """
     from armdesign import plots
     from armdesign.machine.loading import find
@@ -33,11 +38,11 @@ def draw(
             run.refuse(wrong)
             raise
         if not wrong:
-            model = loaded(model, payload)
+            model = _loaded_alone(model, payload)
         q = drawn_pose(model, pose)
         pictures = {"machine": plots.machine_drawing(model, q).figure}
         if new:
-            other = run.load(new)
+            other = _loaded_alone(run.load(new), payload)
             pictures["overlay"] = plots.machine_overlay(model, other, q).figure
         if not wrong:
             pictures["modes"] = plots.mode_shapes(model, q)
@@ -45,3 +50,11 @@ def draw(
         for name, fig in pictures.items():
             plots.save(fig, folder / f"{name}.png")
     run.refuse(wrong)
+
+
+def _loaded_alone(machine: Machine, payload: str) -> Machine:
+    """The machine with the load case of ``--payload`` and no other; as it is without one."""
+    if not payload:
+        return machine
+    machine = loaded(machine, payload)
+    return replace(machine, payloads=(machine.payload,))

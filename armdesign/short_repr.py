@@ -14,17 +14,18 @@ def short_repr(result: Any) -> str:
     """Fields of a dataclass, without what has its default, as its class's ``__repr__``.
 
     Arrays of more than six numbers are told by shape, least and greatest; SI units, as inside. A
-    class whose fields do not say what matters has a ``headline``, which stands before them.
+    class whose fields do not say what matters has a ``headline``, which stands before them on one
+    line or two.
     """
     name, headline = type(result).__name__, getattr(result, "headline", "")
     text = f"{name}: {_fields(result, 0) or 'as by default'}"
-    first = textwrap.shorten(f"{name} {headline}", COLUMNS, placeholder=" …")
-    most = LINES - bool(headline)
-    lines = textwrap.wrap(text, COLUMNS, max_lines=most, placeholder=" …", subsequent_indent="  ")
-    if headline:
-        lines[0] = "  " + lines[0].removeprefix(f"{name}: ")
-        lines.insert(0, first)
-    return "\n".join(lines)
+    style: Any = {"width": COLUMNS, "placeholder": " …", "subsequent_indent": "  "}
+    if not headline:
+        return "\n".join(textwrap.wrap(text, max_lines=LINES, **style))
+    first = textwrap.wrap(f"{name} {headline}", max_lines=2, break_on_hyphens=False, **style)
+    lines = textwrap.wrap(text, max_lines=LINES - len(first), **style)
+    lines[0] = "  " + lines[0].removeprefix(f"{name}: ")
+    return "\n".join([*first, *lines])
 
 
 def machine_repr(machine: Any) -> str:

@@ -10,6 +10,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.machine.loading import shipped
+from armdesign.machine.poses import pose_text
 
 
 @pytest.mark.parametrize("name", [*shipped()])
@@ -64,13 +65,19 @@ def test_what_matters_is_in_it() -> None:
     assert repr(ad.Requirements()) == "Requirements: as by default"
 
 
+WORST = (
+    "FrequencyMap of paper_1dof: worst 7.452 Hz at boom -46.9°, load case load, limited by lift"
+)
+
+
 def test_headlines_say_what_fields_do_not() -> None:
     machine = ad.load("paper_1dof")
     workspace = ad.Workspace.grid(machine, points=3)
     design = ad.size_cylinders(machine, workspace, ad.Requirements(oil_total_share=1.05))
     linear, wider = ad.linearize(machine, [0.0]), {"cylinder.lift.bore_mm": 70.0}
     for result, words in (
-        (design, f"Design of paper_1dof: {design.unrounded:.4g} Hz before rounding"),
+        (design, "Design of paper_1dof: worst 7.452 → 7.77 Hz, +4.3 %, aim nominal; binding: oil"),
+        (ad.frequency_map(machine, workspace), WORST),
         (linear, f"LinearModel of paper_1dof: {linear.natural_frequencies[0]:.4g} Hz (ζ "),
         (ad.linear_models(machine, [[0.0], [0.1]]), "LinearModels of paper_1dof: 2 poses, 2 stab"),
         (ad.sensitivity(machine, workspace), "Sensitivity of paper_1dof: worst 7.452 Hz, by 21"),
@@ -85,3 +92,26 @@ def test_headlines_say_what_fields_do_not() -> None:
         assert max(map(len, lines)) < 100
         assert "nan" not in repr(result)
     assert f"binding: {design.binding[0].name}" in repr(design).splitlines()[0]
+
+
+def test_a_long_headline_has_two_lines() -> None:
+    """The worst pose of three joints is longer than a line, and stands there whole."""
+    machine = ad.load("excavator_20t")
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points=3))
+    lines = repr(frequencies).splitlines()
+    where = pose_text(machine, frequencies.worst.q)
+    assert f"{where}, load case full, limited by boom" in " ".join(
+        line.strip() for line in lines[:2]
+    )
+    assert len(lines) <= 10
+    assert max(map(len, lines)) < 100
+
+
+@pytest.mark.slow
+def test_a_design_within_bands_says_its_least_gain_there() -> None:
+    machine = ad.load("paper_1dof")
+    workspace, bands = ad.Workspace.grid(machine, points=3), ad.Bands(bulk_modulus=(0.8, 1.2))
+    design = ad.size_cylinders(machine, workspace, bands=bands)
+    least = f"at least {ad.units.percent(design.least_gain)} within the bands, aim gain"
+    assert least in " ".join(line.strip() for line in repr(design).splitlines()[:2])
+    assert len(repr(design).splitlines()) <= 10

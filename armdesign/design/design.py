@@ -35,6 +35,7 @@ from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
+from armdesign.units import percent
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
@@ -152,10 +153,19 @@ class Design:
 
     @property
     def headline(self) -> str:
-        """Machine, what the search reached, what binds."""
+        """Machine, worst frequency today and new, its gain, the aim of the search, what binds.
+
+        With the least gain within the bands and the least bandwidths where it was made for them.
+        """
+        before, after = self.before.worst.frequency, self.after.worst.frequency
+        words = f"worst {before:.4g} → {after:.4g} Hz, {percent(self.gain)}"
+        if self.made_for in ("gain", "worst"):
+            words += f", at least {percent(self.least_gain)} within the bands"
+        if self.bandwidths is not None:
+            today, _, new = self.bandwidths
+            words = f"least bandwidth {today:.4g} → {new:.4g} Hz, {words}"
         binding = ", ".join(check.name for check in self.binding) or "nothing"
-        reached = f"{self.unrounded:.4g} Hz before rounding"
-        return f"of {self.today.name}: {reached}, aim {self.made_for}; binding: {binding}"
+        return f"of {self.today.name}: {words}, aim {self.made_for}; binding: {binding}"
 
     @property
     def identity(self) -> list[Any]:

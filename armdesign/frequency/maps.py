@@ -20,7 +20,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import WorstPose, refined
 from armdesign.hydraulics.actuator import Actuator, Motor
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import Poses
+from armdesign.machine.poses import Poses, pose_text
 from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
@@ -62,6 +62,13 @@ class FrequencyMap(ReadOnly):
     weights: Array
     machine: Machine
     workspace: Workspace
+
+    @property
+    def headline(self) -> str:
+        """Machine, its worst frequency, at which pose and load case, and what limits it there."""
+        at, pose = self.worst, pose_text(self.machine, self.worst.q)
+        where = f"{pose}, load case {at.payload}, limited by {at.cylinder}"
+        return f"of {self.machine.name}: worst {at.frequency:.4g} Hz at {where}"
 
     def percentiles(self, percents: Sequence[float] = PERCENTILES) -> pd.DataFrame:
         """Percentiles [Hz] of the lowest coupled frequency: a row per load case and ``all``.

@@ -7,6 +7,7 @@ import io
 import os
 import sys
 import tempfile
+import textwrap
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -47,6 +48,8 @@ WIDTH = 10.0  # [in] of every figure, so that words are of one size wherever two
 FORMATS = ("png", "svg", "pdf")
 _too = ContextVar("format in which a PNG is written, too", default="png")
 DOTS = 150  # per inch of a picture
+POINTS = 72  # per inch, of sizes of letters
+PAPER = 0.88  # of the width of a part of a figure, for its title
 STYLE = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -195,7 +198,7 @@ def save(fig: Any, path: Path) -> Path:
 
 
 def literal(draw: Callable[P, T]) -> Callable[P, T]:
-    """Decorator: in the package's style, and names stand as they are, without controls."""
+    """Decorator: the package's style, names as they are, without controls, titles that wrap."""
 
     @wraps(draw)
     def literally(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -203,6 +206,7 @@ def literal(draw: Callable[P, T]) -> Callable[P, T]:
         with style():
             drawn = draw(*args, **kwargs)
         _make_literal(drawn)
+        _wrap_titles(drawn)
         return drawn
 
     return literally
@@ -224,6 +228,63 @@ def _make_literal(drawn: Any) -> None:
         lines = text.get_text().split("\n")
         text.set_text("\n".join(printable(line) for line in lines))
         text.set_parse_math(False)
+
+
+def _wrap_titles(drawn: Any) -> None:
+    """Break titles into lines that stay within their part of the figure."""
+    whole = drawn.get_figure() if hasattr(drawn, "get_figure") else drawn
+    width = float((whole or drawn).get_size_inches()[0])
+    if (heading := getattr(drawn, "_suptitle", None)) is not None:
+        _wrap(heading, width)
+    for ax in drawn.axes if hasattr(drawn, "savefig") else [drawn]:
+        for title in (ax.title, ax._left_title, ax._right_title):
+            _wrap(title, width * _share_of_width(ax))
+
+
+def _share_of_width(ax: Axes) -> float:
+    """Share of the figure's width that is for axes and what stands around them."""
+    place = ax.get_subplotspec()
+    if place is None:
+        return float(ax.get_position().width)
+    grid = place.get_gridspec()
+    ratios = np.array(grid.get_width_ratios())
+    return float(ratios[place.colspan.start : place.colspan.stop].sum() / ratios.sum())
+
+
+def _wrap(text: Any, inches: float) -> None:
+    text.set_text("\n".join(wrapped(text.get_text(), inches, text.get_fontsize())))
+
+
+def wrapped(words: str, inches: float, points: float) -> list[str]:
+    """Lines of words in letters of that size [pt], each within a part of a figure, less margins.
+
+    Lines that fit stay as they are; longer ones break at spaces, words that are longer anywhere.
+    """
+    return [part for line in words.split("\n") for part in _parts(line, PAPER * inches, points)]
+
+
+def _parts(line: str, inches: float, points: float) -> list[str]:
+    width = _width(line, points)
+    if width <= inches:
+        return [line]
+    most = min(len(line), int(1.3 * len(line) * inches / width) + 1)  # letters differ in width
+    for letters in range(most, 1, -1):
+        parts = textwrap.wrap(line, letters)
+        if max(_width(part, points) for part in parts) <= inches:
+            return parts
+    return textwrap.wrap(line, 1)
+
+
+def _width(line: str, points: float) -> float:
+    """Width of a line of letters of that size [in]."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font = FontProperties(size=points)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks
+        width, _, _ = text_to_path.get_text_width_height_descent(line, font, ismath=False)
+    return float(width) / POINTS
 
 
 def title_of(machine: Machine) -> str:

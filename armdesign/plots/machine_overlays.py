@@ -15,7 +15,15 @@ from armdesign.drawing.side_view import SideView, side_view
 from armdesign.plots.canvas import INK, MARK, Style, literal
 from armdesign.plots.labels import Label, place_labels, room_for
 from armdesign.plots.machine_words import faults, number, pose_words, sizes_legend
-from armdesign.plots.machines import axes_width, draw_machine, extent, frame, head, new_axes
+from armdesign.plots.machines import (
+    axes_width,
+    draw_machine,
+    extent,
+    frame,
+    head,
+    heading,
+    new_axes,
+)
 from armdesign.units import mm
 
 if TYPE_CHECKING:
@@ -58,21 +66,22 @@ def machine_overlay(
     moves, colours = moved_pins(before, after), actuator_colours(new)
     labels_of_moves = [_move_label(move, colours) for move in moves]
     room, limits = room_for(labels_of_moves, limits, axes_width())
-    ax = new_axes(limits, 3 + len(said), room)[0]
+    times = _magnification(moves, after.size)
+    long = "" if times == 1 else f", drawn {times} times as long"
+    words = f"solid: {labels[1]}, dashed: {labels[0]}"
+    words += f"; arrows: moved pins{long}" if moves else "; no pin moved"
+    below = [words, pose_words(new, after), *said]
+    ax = new_axes(limits, len(heading(new, below)), room)[0]
     draw_machine(ax, new, after)
     _ghost(ax, before, _alike(before, after))
     frame(ax, limits, after, room)
-    times = _magnification(moves, after.size)
     for move in moves:
         end = move.before[0] + times * (move.after[0] - move.before[0])
         arrow = {"arrowstyle": "-|>", "color": MARK, "lw": 1.5, "shrinkA": 0, "shrinkB": 0}
         arrow |= {"mutation_scale": 7}
         ax.annotate("", end, move.before[0], arrowprops=arrow, zorder=9)
     place_labels(ax, labels_of_moves)
-    long = "" if times == 1 else f", drawn {times} times as long"
-    words = f"solid: {labels[1]}, dashed: {labels[0]}"
-    words += f"; arrows: moved pins{long}" if moves else "; no pin moved"
-    head(ax, new, [words, pose_words(new, after), *said])
+    head(ax, new, below)
     sizes_legend(ax, [old, new])
     return ax
 

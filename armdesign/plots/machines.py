@@ -23,6 +23,7 @@ from armdesign.plots.canvas import (
     literal,
     show_in_notebooks,
     title_of,
+    wrapped,
 )
 from armdesign.plots.labels import place_labels, room_for
 from armdesign.plots.machine_words import (
@@ -42,6 +43,7 @@ BODY: Style = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
 ROD: Style = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
 EARTH, FAINT = "#8b7355", "#9ca3af"
 LINE = 0.15  # [in] of a line of words
+HEADING = 9.0  # [pt] letters of the title and the words below it
 BESIDE = 0.22  # of the width: the range of the tool
 
 
@@ -63,7 +65,8 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
     room, limits = room_for(labels, extent([view]), axes_width(beside=True))
     if ax is None:
-        ax, beside = new_axes(limits, 2 + len(wrong), room, beside=True)
+        lines = heading(machine, [pose_words(machine, view), *wrong], beside=True)
+        ax, beside = new_axes(limits, len(lines), room, beside=True)
         _tool_range(beside, machine, view)
     draw_machine(ax, machine, view)
     _arcs(ax, view)
@@ -210,7 +213,12 @@ def _tool_range(ax: Axes, machine: Machine, view: SideView) -> None:
     _earth(ax, view)
 
 
+def heading(machine: Machine, words: Sequence[str], beside: bool = False) -> list[str]:
+    """Lines of the title and the words below it, on new axes alone or with others beside them."""
+    share = 1 - BESIDE if beside else 1
+    return wrapped("\n".join([title_of(machine), *words]), share * WIDTH, HEADING)
+
+
 def head(ax: Axes, machine: Machine, words: Sequence[str]) -> None:
-    """Title, and lines of words below it; red where something is wrong."""
-    title = title_of(machine)
-    ax.set_title("\n".join([title, *words]), fontsize=9, loc="left")
+    """Title, and lines of words below it."""
+    ax.set_title("\n".join([title_of(machine), *words]), fontsize=HEADING, loc="left")

@@ -12,7 +12,7 @@ from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import Swing, Swings
 from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.machine.poses import joint_positions
-from armdesign.plots.canvas import COMPUTED, MARK, WIDTH, figure, literal, title_of
+from armdesign.plots.canvas import COMPUTED, MARK, WIDTH, figure, literal, title_of, wrapped
 from armdesign.plots.machine_words import pose_words
 from armdesign.plots.machines import draw_machine, extent, frame
 from armdesign.units import mm
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 FADED = {"fc": "#f3f4f6", "ec": "#d1d5db"}
 SHOWN = 3  # lowest modes
+HEADING, LINE = 10.0, 0.2  # letters [pt] and height [in] of a line above all modes
 
 
 @literal
@@ -50,7 +51,9 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
     low, high = extent([view])
     wide, tall = high - low
     width = WIDTH / count
-    fig, axes = figure(count, width, (width - 0.6) * float(tall / wide) * 1.08 + 1.5)
+    heading = wrapped(f"{_title(machine)}\n{pose_words(machine, view)}", WIDTH, HEADING)
+    above = 1.1 + LINE * len(heading)  # of one size of the machine, however long its title is
+    fig, axes = figure(count, width, (width - 0.6) * float(tall / wide) * 1.08 + above)
     shown = [swings.of(pose, natural.shapes[:, :, mode]) for mode in range(count)]
     ends = [_ends(ax, machine, view, swing) for ax, swing in zip(axes, shown, strict=True)]
     seen = extent([view, *(end for both in ends for end in both)])
@@ -60,7 +63,7 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
         limiting = f"{100 * shares[mode][share]:.0f} % in {machine.yielding[share].name}"
         words = f"mode {mode + 1}: {natural.frequencies[0, mode]:.3f} Hz, {limiting}"
         ax.set_title(f"{words}\n± {swing.tool[0] / mm:.0f} mm at the tool", fontsize=9, loc="left")
-    fig.suptitle(f"{_title(machine)}\n{pose_words(machine, view)}", fontsize=10)
+    fig.suptitle("\n".join(heading), fontsize=HEADING)
     return fig
 
 

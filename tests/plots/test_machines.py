@@ -174,6 +174,22 @@ def test_draw_writes_its_pictures(
     assert "outside its range" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("option", "marked"),
+    [([], ["full"]), (["--payload", "full"], ["full"]), (["--payload", "empty"], [])],
+)
+def test_draw_shows_the_chosen_load_alone(
+    option: list[str], marked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["draw", "loader_crane", "loader_crane", *option, "--out", "a", "--pictures", "svg"]
+    assert main(words, monkeypatch) == 0
+    drawn = (tmp_path / "a/machine.svg").read_text()
+    assert [name for name in ("empty", "full") if f"payload {name}" in drawn] == marked
+    chosen = option[1] if option else "empty"
+    assert f"load case {chosen}" in (tmp_path / "a/modes.svg").read_text()
+
+
 def test_an_unusable_machine_is_drawn_and_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
