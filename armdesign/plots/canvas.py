@@ -232,8 +232,7 @@ def _make_literal(drawn: Any) -> None:
 
 def _wrap_titles(drawn: Any) -> None:
     """Break titles into lines that stay within their part of the figure."""
-    whole = drawn.get_figure() if hasattr(drawn, "get_figure") else drawn
-    width = float((whole or drawn).get_size_inches()[0])
+    width = float(drawn.figure.bbox.width / drawn.figure.dpi)
     if (heading := getattr(drawn, "_suptitle", None)) is not None:
         _wrap(heading, width)
     for ax in drawn.axes if hasattr(drawn, "savefig") else [drawn]:
@@ -264,18 +263,18 @@ def wrapped(words: str, inches: float, points: float) -> list[str]:
 
 
 def _parts(line: str, inches: float, points: float) -> list[str]:
-    width = _width(line, points)
+    width = line_width(line, points)
     if width <= inches:
         return [line]
     most = min(len(line), int(1.3 * len(line) * inches / width) + 1)  # letters differ in width
     for letters in range(most, 1, -1):
         parts = textwrap.wrap(line, letters)
-        if max(_width(part, points) for part in parts) <= inches:
+        if max((line_width(part, points) for part in parts), default=0.0) <= inches:
             return parts
     return textwrap.wrap(line, 1)
 
 
-def _width(line: str, points: float) -> float:
+def line_width(line: str, points: float) -> float:
     """Width of a line of letters of that size [in]."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path

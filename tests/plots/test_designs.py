@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from armdesign import Machine, lift_chart, plots
+from armdesign.report.lift_charts import lift_charts
 from tests import machines
 
 
@@ -86,3 +89,35 @@ def test_lift_charts_of_two_machines_have_one_scale() -> None:
         np.testing.assert_allclose(points, np.column_stack([chart.reach, chart.height]))
         assert np.all((left < chart.reach) & (chart.reach < right))
         assert np.all((low < chart.height) & (chart.height < high))
+
+
+@pytest.mark.parametrize(
+    "names", [("excavator_20t", "loader_crane"), ("loader_crane", "mini_excavator_2t")]
+)
+def test_words_of_lift_charts_do_not_meet(names: tuple[str, ...]) -> None:
+    """Two machines of different size, each with points of its own: apart, and within the axes."""
+    fig = plots.lift_charts({name: lift_chart(machines.named(name)) for name in names})
+    fig.canvas.draw()
+    for ax in fig.axes[:3]:
+        boxes = [text.get_window_extent() for text in ax.texts]
+        assert boxes
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        whole = ax.get_window_extent()
+        assert all(whole.x0 <= box.x0 and box.x1 <= whole.x1 for box in boxes)
+        assert all(whole.y0 <= box.y0 for box in boxes)
+
+
+def test_points_too_near_for_words_have_colours() -> None:
+    """The large machine at the small one's steps of half a metre: 14 points in a row."""
+    names = ("mini_excavator_2t", "excavator_20t")
+    fig = plots.lift_charts(lift_charts({name: machines.named(name) for name in names}))
+    assert "colours alone" in fig.get_suptitle()
+    assert not any(ax.texts for ax in fig.axes)
+
+
+def test_charts_without_common_points_say_so() -> None:
+    chart = lift_chart(machines.named("excavator_12t"))
+    apart = replace(chart, height=chart.height + 0.25)
+    ax = plots.lift_charts({"one": chart, "other": apart}).axes[2]
+    assert [text.get_text() for text in ax.texts] == ["no common points"]
+    assert not ax.child_axes
