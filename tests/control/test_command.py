@@ -91,7 +91,7 @@ def test_two_machines_stand_side_by_side(
             ["patu_boom", "--delay", "-3"],
             "-3 ms is not a time of 0 ms or more; give one as --delay",
         ),
-        (["patu_boom", "--delay", "60000"], "delay: 60000 ms are 1068 periods of the lowest mode"),
+        (["patu_boom", "--delay", "60000"], "delay: 60000 ms are 409 periods of the lowest mode"),
         (["nowhere"], "no such machine"),
     ],
 )
