@@ -29,7 +29,7 @@ REGIONS = 24  # looked at
 ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
-COARSE, FINE = 0.005, 1e-3  # tolerance of branching, of ω²
+COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
 # of frequency, over the design at hand, where cutting ends, and rounds of the whole
 ENOUGH, PLENTY = 0.03, 0.01
 MIXED = 1e-3  # share of a mixture that counts

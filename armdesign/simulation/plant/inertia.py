@@ -150,9 +150,8 @@ def add_bars(
     write(coriolis, ROD, plus(vector_of(coriolis, END), along[2], -1.0))
     _add_bar(drive.barrel_mass, BASE, BARREL, pins, inertia)
     _add_bar(drive.rod_mass, ROD, END, pins, inertia)
-    if drive.knee:
-        _add_bar(drive.rocker_mass, PIVOT, END, pins, inertia)
-        _add_bar(drive.coupler_mass, END, FAR, pins, inertia)
+    _add_bar(drive.rocker_mass, PIVOT, END, pins, inertia)  # of a four-bar alone
+    _add_bar(drive.coupler_mass, END, FAR, pins, inertia)
 
 
 @compiled
