@@ -200,7 +200,8 @@ def bandwidth_map(
     )
     workspace = workspace or Workspace.grid(machine, points=default_points(machine))
     parts = map_parts(list(load_cases(machine, workspace)), machine)
-    refuse_long(delay, min(part.lowest for part in parts), machine)
+    if delay:
+        refuse_long(delay, min(part.lowest for part in parts), machine)
     found = schemes(parts, options)
     tables = [_tabled(part, options, each) for part, each in zip(parts, found, strict=True)]
     bandwidths = _assembled(machine, workspace, options, tables)
