@@ -98,7 +98,8 @@ def _refined(region: Region, rounds: int, enough: float, fair: float = -math.inf
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
         mixed = multipliers.mixed
-        tolerance = float(np.clip(0.2 * (region.bound - mixed), FINE, COARSE))
+        known = enough if mixed < enough else region.bound
+        tolerance = float(np.clip(0.2 * (known - mixed), FINE, COARSE))
         maxima = tuple(dual.maxima(multipliers, tolerance))
         region = replace(region, multipliers=multipliers, maxima=maxima)
         region = region.improved(dual, multipliers, maxima)
