@@ -391,7 +391,7 @@
       map.below[0].axis_label = axisLabel(plane.x);
       map.left[0].axis_label = plane.y ? axisLabel(plane.y) : scene.quantity;
       const least = Math.min(...data[k].value);
-      map.title.text = values.length ? `${one.label}: ${LEAST[statistic]} ${least.toFixed(3)} Hz` : one.label;
+      map.title.text = values.length ? `${one.label}\n${LEAST[statistic]} ${least.toFixed(3)} Hz` : `${one.label}\n `;
       source.selected.indices = [];
       source.data = data[k];
       const at = data[k].value.indexOf(least);
