@@ -43,9 +43,7 @@ def tornado(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     ax.grid(axis="x", alpha=0.3)
     worst = sensitivity.rivals[0].frequency
     ax.set(xlabel=f"change of the worst frequency, {worst:.3f} Hz [mHz]")
-    ax.set_title(
-        f"{title_of(sensitivity.machine)}\nworst frequency by the numbers of the file"
-    )
+    ax.set_title(f"{title_of(sensitivity.machine)}\nworst frequency by the numbers of the file")
     ax.legend(frameon=False, fontsize=8, loc="best")
     return ax
 

@@ -337,7 +337,8 @@ def steps_sheet(answer: Steps) -> Sheet:
         " lift chart"
     ]
     notes.append(
-        "searched: sets of so many pins, from today's pins and from the best with one pin less;"
+        "searched: sets of so many pins, from today's pins, from the best with one pin less and,"
+        " where starts ask for them, from drawn ones;"
         " proved: of the other sets those whose upper bound is no more than what is reached here,"
         " and by how much others might exceed it"
     )
