@@ -371,7 +371,9 @@
   };
   const axisLabel = ({ name, unit }) => `${name} [${unit === "°" ? "deg" : unit}]`;
   const range = (axis, middles, width) => {
-    [axis.start, axis.end] = [Math.min(...middles) - width / 2, Math.max(...middles) + width / 2];
+    const spare = scene.planes[0].y ? 0 : 0.03 * (Math.max(...middles) - Math.min(...middles)); // of rings about points
+    const beyond = width / 2 + spare;
+    [axis.start, axis.end] = [Math.min(...middles) - beyond, Math.max(...middles) + beyond];
   };
   const fill = () => {
     const [load_case, index, statistic] = [controls.case, controls.plane, controls.statistic].map((one) => Number(one.value));
