@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 
 THREADS = "OPENBLAS_NUM_THREADS"  # matrices have ten to a hundred rows: more threads only wait
@@ -9,7 +10,11 @@ COLLECTED = 50_000, 10, 10  # as ``gc.set_threshold``: a run of seconds looks fo
 
 
 def main() -> None:
-    """Import the commands and run one; an end while they are imported exits with code 130."""
+    """Import the commands and run one; an end while they are imported exits with code 130.
+
+    When a command has ended there is nothing left to interrupt: Ctrl-C while Python ends is
+    ignored.
+    """
     gc.set_threshold(*COLLECTED)
     os.environ.setdefault(THREADS, "1")
     try:
@@ -17,7 +22,13 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.stderr.write("armdesign: interrupted before it began; nothing was written\n")
         sys.exit(130)
-    cli.main()
+    try:
+        cli.main()
+    except KeyboardInterrupt:
+        sys.stderr.write("armdesign: interrupted after its end\n")
+        sys.exit(130)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

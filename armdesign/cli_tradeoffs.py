@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from armdesign.errors import Stopped
 from armdesign.option_values import listed
-from armdesign.options import AgainstOption, ValuesOption, VaryOption
+from armdesign.options import (
+    AgainstOption,
+    SeedOption,
+    StartsOfSetsOption,
+    ValuesOption,
+    VaryOption,
+)
 from armdesign.output import write_csv
 from armdesign.runs import DrawnSearch, OverWorkspace, SearchOptions, command, processors
 
@@ -53,7 +59,12 @@ def pareto(
 
 
 @command
-def steps(run: OverWorkspace, search: SearchOptions) -> None:
+def steps(
+    run: OverWorkspace,
+    search: SearchOptions,
+    starts: StartsOfSetsOption = None,
+    seed: SeedOption = 0,
+) -> None:
     """Say which change to make first.
 
     Finds the best machine with other cylinders alone, with one pin moved, with two, up to all.
@@ -67,7 +78,8 @@ def steps(run: OverWorkspace, search: SearchOptions) -> None:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
         run.go_on(out)
-        settings = {"workers": processors(), **search.settings}
+        drawn = {"starts": starts, "seed": seed}
+        settings = {"workers": processors(), **search.settings, **drawn}
         answer = with_more_and_more_pins(model, workspace, **settings)
         table = answer.frame
     with run.writing(out) as folder:

@@ -110,6 +110,15 @@ StartsOption = Annotated[
         "--starts", min=1, help="Starts of the search; default: 3, or 6 where four-bars move."
     ),
 ]
+StartsOfSetsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--starts",
+        min=1,
+        help="Starts of each set of pins: today's, the best of one pin less, then drawn ones;"
+        " default: the first two.",
+    ),
+]
 WorkersOption = Annotated[
     int | None,
     typer.Option(

@@ -50,6 +50,38 @@ def test_a_failed_write_leaves_the_old_files(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+LATE = """
+import atexit, os, signal, sys, time
+from armdesign import __main__, cli
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.1)
+if sys.argv.pop(1) == "after":
+    main = cli.main
+    def main_and_more():
+        try:
+            main()
+        finally:
+            interrupt()
+    cli.main = main_and_more
+else:
+    atexit.register(interrupt)
+__main__.main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("when", "code", "said"),
+    [("at exit", 0, ""), ("after", 130, "armdesign: interrupted after its end\n")],
+)
+def test_an_interrupt_when_all_is_done(when: str, code: int, said: str) -> None:
+    """While Python ends, where it would print a traceback, and just before: no traceback."""
+    words = [sys.executable, "-c", LATE, when, "--version"]
+    done = subprocess.run(words, capture_output=True, timeout=60, text=True, check=False)
+    assert (done.returncode, done.stderr) == (code, said)
+    assert done.stdout.startswith("armdesign ")
+
+
 STRAY = """
 import sys, time
 from joblib.externals.loky.backend import get_context

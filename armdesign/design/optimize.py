@@ -28,7 +28,7 @@ from armdesign.machine.machine import Machine
 
 
 class SearchOptions(TypedDict, total=False):
-    """How a design is searched for: what ``optimize``, ``least`` and ``pareto`` share."""
+    """How a design is searched for: what ``optimize``, ``least`` … share."""
 
     starts: int | None
     seed: int

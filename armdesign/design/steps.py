@@ -11,28 +11,33 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, with_options
 from armdesign.design.bound.unfit_sizes import refuse_unfit_catalogue
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design
 from armdesign.design.kept_designs import form
-from armdesign.design.optimize import outcome_of
+from armdesign.design.optimize import USUAL_SEARCH, SearchOptions, outcome_of
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.proved_sets import Bounds, Pins, bounds_of_others, most_of, others
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.multistart import ROUGHLY, TO_THE_END, follow_all, formulate
+from armdesign.design.search.multistart import (
+    ROUGHLY,
+    TO_THE_END,
+    follow_all,
+    formulate,
+    start_designs,
+)
 from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
-from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished
 from armdesign.machine.machine import Machine
@@ -173,15 +178,14 @@ class Steps:
 
 
 @checked
+@with_options(SearchOptions, USUAL_SEARCH)
 def steps(
     machine: Machine,
     workspace: Workspace | None = None,
     requirements: Requirements | None = None,
     *,
-    workers: int = 1,
-    bands: Bands | None = None,
     objective: str = "gain",
-    catalogue: str | Iterable[Sequence[float]] | None = None,
+    **options: Unpack[SearchOptions],
 ) -> Steps:
     """Which change first: the best designs with no pin moved, with one, … up to all.
 
@@ -189,9 +193,12 @@ def steps(
         machine: today's machine.
         workspace: poses that count; default grid if None.
         requirements: limits; None: the machine's file states them.
+        objective: as in ``optimize``.
+        starts: how many starts each set of pins has: today's pins, those of the best set with one
+            pin less, and drawn ones; None: the first two alone.
+        seed: of the drawn starts.
         workers: processes that share the searches. The answer does not depend on it.
         bands: as in ``optimize``.
-        objective: as in ``optimize``.
         catalogue: as in ``optimize``.
 
     Raises:
@@ -211,12 +218,13 @@ def steps(
     """
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
-    sizes, grid = sizes_and_grid(machine, catalogue)
+    starts, seed, workers = options["starts"], options["seed"], options["workers"]
+    sizes, grid = sizes_and_grid(machine, options["catalogue"])
     pins = _pins(machine)
 
     def posed(some: Pins) -> Problem:
         return formulate(
-            machine, workspace, requirements, ("areas", *some), bands=bands,
+            machine, workspace, requirements, ("areas", *some), bands=options["bands"],
             objective=objective, grid=grid,
         )  # fmt: skip
 
@@ -225,8 +233,8 @@ def steps(
     best: dict[Pins, Search] = {}
     for count in range(len(pins) + 1):
         problems = {some: posed(some) for some in _sets(pins, count, best)}
-        best |= _searched(problems, best, workers)
-    command = call("steps", bands=bands, catalogue=catalogue)
+        best |= _searched(problems, best, starts, seed, workers)
+    command = _command(options)
     most = BUILT if sizes else 1
     few = [some for count in range(len(pins) + 1) for some in _best(best, count)[:most]]
     built = _designs({some: best[some] for some in few}, sizes, command, workers)
@@ -245,6 +253,14 @@ def steps(
         reached = {step.pins: _judged(step.design) for step in answer.steps}
         bounds = bounds_of_others(pins, best, reached, workers, bounds)  # of those that lost
     return replace(answer, steps=tuple(_proved(step, pins, bounds) for step in answer.steps))
+
+
+def _command(options: SearchOptions) -> str:
+    """The call of ``steps`` with what was asked for."""
+    drawn = (
+        {} if options["starts"] is None else {"starts": options["starts"], "seed": options["seed"]}
+    )
+    return call("steps", **drawn, bands=options["bands"], catalogue=options["catalogue"])
 
 
 def _proved(step: DesignStep, pins: Pins, bounds: Bounds) -> DesignStep:
@@ -330,18 +346,25 @@ def _sets(pins: Pins, count: int, known: dict[Pins, Search]) -> Iterator[Pins]:
 
 
 def _searched(
-    problems: dict[Pins, Problem], known: dict[Pins, Search], workers: int
+    problems: dict[Pins, Problem],
+    known: dict[Pins, Search],
+    count: int | None,
+    seed: int,
+    workers: int,
 ) -> dict[Pins, Search]:
-    """Each problem searched, from today's pins and from the best known set with one pin less."""
+    """Each problem searched from today's pins, the best known set with one pin less, drawn pins.
+
+    These are ``count`` starts in all; None: none is drawn.
+    """
     starts: list[tuple[Pins, Search]] = []
     for some, problem in problems.items():
-        starts.append((some, Search(problem=problem, x=problem.vector.start)))
         less = [known[part] for part in known if len(part) == len(some) - 1 and {*part} < {*some}]
+        drawn = 1 if count is None else count - bool(less)
+        designs = start_designs(problem, max(drawn, 1), seed)
         if less:
             parent = max(less, key=_rank)
-            starts.append(
-                (some, Search(problem=problem, x=problem.like(parent.x, parent.problem)))
-            )
+            designs.insert(1, problem.like(parent.x, parent.problem))
+        starts += ((some, Search(problem=problem, x=x)) for x in designs)
     rough = follow_all([search for _, search in starts], workers, **ROUGHLY)
     best: dict[Pins, Search] = {}
     for (some, _), search in zip(starts, rough, strict=True):

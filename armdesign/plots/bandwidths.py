@@ -20,7 +20,7 @@ from armdesign.plots.canvas import (
     title_of,
 )
 from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
-from armdesign.plots.maps import drawn_joints, heatmap, joint_plane
+from armdesign.plots.maps import LOADS, drawn_joints, heatmap, joint_plane
 
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
@@ -71,14 +71,14 @@ def bandwidth_map(
     low, high = limits.get("vmin", np.nanmin(least)), limits.get("vmax", np.nanmax(least))
     style = {"norm": "log", "vmin": max(low, 1e-3 * high), "vmax": high}
     heatmap(ax, joint_values(first, x), joint_values(second, y), least, style, BANDWIDTH)
-    for row, colour, words in (
-        (worst, MARK, "worst bandwidth"),
-        (bandwidths.softest, COMPUTED, "at the lowest frequency"),
+    for row, colour, size, words in (  # rings that are both seen where the poses are one
+        (worst, MARK, 15, "worst bandwidth"),
+        (bandwidths.softest, COMPUTED, 9, "at the lowest frequency"),
     ):
         at = [float(joint_values(one, row[one.name])) for one in (first, second)]
         label = f"{words}: {row[f'{scheme}_hz']:.3g} Hz"
-        ax.plot(*at, "o", ms=11, mfc="none", mec="white", mew=4)
-        ax.plot(*at, "o", ms=11, mfc="none", mec=colour, mew=2, label=label)
+        ax.plot(*at, "o", ms=size, mfc="none", mec="white", mew=4)
+        ax.plot(*at, "o", ms=size, mfc="none", mec=colour, mew=2, label=label)
     ax.legend(loc="upper center", bbox_transform=below(ax, 0.45), bbox_to_anchor=(0.5, 0.0))
     return ax
 
@@ -97,6 +97,10 @@ def bandwidth_maps(bandwidths: BandwidthMap) -> Figure:
     for ax in axes[:-1]:
         if ax.child_axes:
             hide_colour_bar(ax)
+    if len(drawn_joints(bandwidths.machine)) == 1:  # curves, which are the same in all
+        for ax in axes[1:]:
+            ax.set_ylabel("")
+            ax.get_legend().remove()
     fig.suptitle(title_of(bandwidths.machine))
     return fig
 
@@ -144,11 +148,11 @@ def _curves(ax: Axes, bandwidths: BandwidthMap, scheme: str) -> None:
     (index,) = drawn_joints(bandwidths.machine)
     joint = bandwidths.machine.arm.joints[index]
     works = bandwidths.frame[bandwidths.frame["works"]]
-    for payload, rows in works.groupby("payload", sort=False):
-        rows = rows.sort_values(joint.name)
+    for case, (payload, rows) in enumerate(works.groupby("payload", sort=False)):
+        rows, colour = rows.sort_values(joint.name), LOADS[case % len(LOADS)]
         q = joint_values(joint, rows[joint.name].to_numpy())
-        (line,) = ax.plot(q, rows[f"{scheme}_hz"], label=str(payload))
-        ax.plot(q, rows["rule_hz"], "--", lw=1, color=line.get_color(), label=f"{payload}: f/3")
+        ax.plot(q, rows[f"{scheme}_hz"], color=colour, label=str(payload))
+        ax.plot(q, rows["rule_hz"], "--", lw=1, color=colour, label=f"{payload}: f/3")
     ax.set(xlabel=joint_label(joint), ylabel=BANDWIDTH)
     plain_decades(ax)
-    ax.legend(frameon=False, fontsize=9)
+    ax.legend(loc="upper center", bbox_transform=below(ax, 0.45), bbox_to_anchor=(0.5, 0.0))

@@ -93,6 +93,7 @@ def moment_arm_curves(machines: Mapping[str, Machine]) -> Figure:
         arms.set_title(f"{name} {actuator.kind}{about}", fontsize=10)
     if len(machines) > 1:
         axes[0].legend(frameon=False)
+    fig.suptitle(title_of(first))
     return fig
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.plots.canvas import INK, Style
+from armdesign.plots.canvas import INK, Style, line_width
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
@@ -18,6 +19,7 @@ EDGE = 0.012  # of the axes' width, between its side and a column
 ASIDE = 0.8  # [pt] of each line of a label: the white of neither covers the other
 LABEL_ROOM = 0.34  # of a drawing's width, the least on either side of it
 APART, CLOSEST = 0.33, 0.31  # [in] from label to label, where there is room, and at least
+BOLD = 1.12  # width of bold letters over that of others
 LETTER, SPARE = 0.056, 0.25  # [in] of a line's letters, and of what a column needs besides
 BELOW, ABOVE = 0.15, 0.2  # [in] of the axes below and above all labels
 
@@ -56,18 +58,20 @@ def room_for(labels: Sequence[Label], limits: Array, width: float) -> tuple[floa
     return share, np.array([[left, low], [right, max(high, low + tall)]])
 
 
-def place_labels(ax: Axes, labels: Sequence[Label]) -> None:
-    """Write labels in two columns, in the order of their points' heights, evenly apart.
+def place_labels(ax: Axes, labels: Sequence[Label], width: float) -> None:
+    """Write labels in two columns, each near the height of its point, lines that do not cross.
 
-    The half of the points further left goes to the left.
+    The half of the points further left goes to the left. ``width`` [in] is what the axes have
+    when they are drawn.
     """
     shown = sorted((one for one in labels if np.isfinite(one.at).all()), key=lambda one: one.at[0])
     half = (len(shown) + 1) // 2
     for side, column in (("left", shown[:half]), ("right", shown[half:])):
         column = sorted(column, key=lambda one: -one.at[1])
         rows = _rows(ax, column)
-        for one, height in zip(column, rows, strict=True):
-            _write(ax, one, side, float(height))
+        order = _order(_line_begins(column, side, width), rows, _shares(ax, column))
+        for label, height in zip(order, rows, strict=True):
+            _write(ax, column[label], side, float(height))
 
 
 def _rows(ax: Axes, column: Sequence[Label]) -> Array:
@@ -78,7 +82,7 @@ def _rows(ax: Axes, column: Sequence[Label]) -> Array:
     height = min(box.height, box.width * (high - low) / (right - left)) / ax.figure.dpi
     begin, end = BELOW / height, max(1 - ABOVE / height, BELOW / height)
     apart = min(APART / height, (end - begin) / max(len(column) - 1, 1))
-    rows = np.array([(one.at[1] - low) / (high - low) for one in column])
+    rows = _shares(ax, column)[:, 1]
     for _ in range(200):  # neighbours push each other apart
         rows = np.clip(rows, begin, end)
         gaps = rows[:-1] - rows[1:] - apart
@@ -88,6 +92,59 @@ def _rows(ax: Axes, column: Sequence[Label]) -> Array:
         rows[:-1] += push
         rows[1:] -= push
     return np.asarray(rows)
+
+
+def _shares(ax: Axes, column: Sequence[Label]) -> Array:
+    """Places of the points (n, 2), as shares of the axes' width and height."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    at = np.array([one.at for one in column]).reshape(-1, 2)
+    return np.asarray((at - [left, low]) / [right - left, high - low])
+
+
+def _line_begins(column: Sequence[Label], side: str, width: float) -> Array:
+    """Where the words of each label end and its line begins (n,), as share of the axes' width."""
+    wide = [max(BOLD * line_width(one.head, 8), line_width(one.below, 7)) for one in column]
+    words = EDGE + np.array(wide) / width
+    return np.asarray(words if side == "left" else 1 - words)
+
+
+def _order(begins: Array, rows: Array, points: Array) -> list[int]:
+    """Which label (n,) stands in each row: lines cross least, and are then least steep.
+
+    A label moves to another row, and those between make room, as long as that is better.
+
+    Args:
+        begins: where the line of each label begins, across (n,).
+        rows: heights (n,).
+        points: the labels' points (n, 2).
+    """
+    order = list(range(len(rows)))
+
+    def cost(order: list[int]) -> tuple[int, float]:
+        starts, ends = np.stack([begins[order], rows], axis=1), points[order]
+        return _crossings(starts, ends), float(np.square(ends - starts)[:, 1].sum())
+
+    best, improved = cost(order), True
+    while improved:
+        improved = False
+        for one, other in permutations(range(len(rows)), 2):
+            tried = order.copy()
+            tried.insert(other, tried.pop(one))
+            if (now := cost(tried)) < best:
+                order, best, improved = tried, now, True
+    return order
+
+
+def _crossings(starts: Array, ends: Array) -> int:
+    """Number of pairs among lines (n, 2) → (n, 2) that cross."""
+    along = (ends - starts)[:, None]
+
+    def turn(to: Array) -> Array:  # of each line to the ends of each other: left is positive
+        way = to[None] - starts[:, None]
+        return np.asarray(along[..., 0] * way[..., 1] - along[..., 1] * way[..., 0])
+
+    apart = turn(starts) * turn(ends) < 0
+    return int((apart & apart.T).sum()) // 2
 
 
 def _write(ax: Axes, label: Label, side: str, height: float) -> None:

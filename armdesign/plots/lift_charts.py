@@ -74,6 +74,8 @@ def lift_charts(charts: Mapping[str, LiftChart]) -> Figure:
     (left, _, low, _), (_, right, _, high) = ends.min(axis=0), ends.max(axis=0)
     for ax in axes:  # to one scale; tall and narrow charts would be columns amid white paper
         ax.set(xlim=(left, right), ylim=(low, high), aspect="auto")
+    for ax in axes[1:]:
+        ax.set_ylabel("")
     if (share := _room_sideways(axes, drawn)) >= SMALLEST:
         for text in (text for ax in drawn for text in ax.texts):
             text.set_fontsize(WORDS * share)

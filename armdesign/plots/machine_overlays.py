@@ -70,6 +70,8 @@ def machine_overlay(
     long = "" if times == 1 else f", drawn {times} times as long"
     words = f"solid: {labels[1]}, dashed: {labels[0]}"
     words += f"; arrows: moved pins{long}" if moves else "; no pin moved"
+    if moves and not _at_one_place(before, after):
+        words += "; frames of the links move, too, and numbers are in these frames"
     below = [words, pose_words(new, after), *said]
     ax = new_axes(limits, len(heading(new, below)), room)[0]
     draw_machine(ax, new, after)
@@ -80,7 +82,7 @@ def machine_overlay(
         arrow = {"arrowstyle": "-|>", "color": MARK, "lw": 1.5, "shrinkA": 0, "shrinkB": 0}
         arrow |= {"mutation_scale": 7}
         ax.annotate("", end, move.before[0], arrowprops=arrow, zorder=9)
-    place_labels(ax, labels_of_moves)
+    place_labels(ax, labels_of_moves, axes_width())
     head(ax, new, below)
     sizes_legend(ax, [old, new])
     return ax
@@ -97,6 +99,12 @@ def _alike(one: SideView, other: SideView) -> bool:
     pairs = list(zip(one.polygons(), other.polygons(), strict=False))
     flat = [(a, b) for first, second in pairs for a, b in zip(first, second, strict=False)]
     return all(a.shape == b.shape and np.allclose(a, b, atol=1e-6) for a, b in flat)
+
+
+def _at_one_place(one: SideView, other: SideView) -> bool:
+    """Whether the frames of the links of two views are at the same places."""
+    pair = one.placements, other.placements
+    return pair[0].shape == pair[1].shape and np.allclose(*pair, atol=1e-6)
 
 
 def _ghost(ax: Axes, view: SideView, same: bool) -> None:

@@ -63,7 +63,8 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     view = side_view(machine, middle_pose(machine) if q is None else q)
     wrong = faults(machine, view)
     labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
-    room, limits = room_for(labels, extent([view]), axes_width(beside=True))
+    width = axes_width(beside=True)
+    room, limits = room_for(labels, extent([view]), width)
     if ax is None:
         lines = heading(machine, [pose_words(machine, view), *wrong], beside=True)
         ax, beside = new_axes(limits, len(lines), room, beside=True)
@@ -71,16 +72,19 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     draw_machine(ax, machine, view)
     _arcs(ax, view)
     frame(ax, limits, view, room)
-    place_labels(ax, labels)
+    place_labels(ax, labels, width)
     head(ax, machine, [pose_words(machine, view), *wrong])
     sizes_legend(ax, [machine])
     return ax
 
 
-def draw_machine(ax: Axes, machine: Machine, view: SideView, pose: int = 0, **style: Any) -> None:
-    """Bodies, bars, cylinders, pins, joints, loads and tool of a side view at a pose.
+def draw_machine(
+    ax: Axes, machine: Machine, view: SideView, pose: int = 0, marked: bool = True, **style: Any
+) -> None:
+    """Bodies, bars, cylinders, pins and joints of a side view at a pose.
 
-    ``style``: of the bodies' patches, instead of the usual one.
+    Loads and tool are ``marked``, too. ``style``: of the bodies' patches, instead of the usual
+    one.
     """
     colours = actuator_colours(machine)
     for body in view.polygons(pose):
@@ -101,6 +105,8 @@ def draw_machine(ax: Axes, machine: Machine, view: SideView, pose: int = 0, **st
         ring: Style = {"ms": 15, "mfc": "none", "mew": 3.5, "mec": colours[name]}
         ax.plot(*view.pivots[pose, joint], "o", zorder=6, **ring)
     _points(ax, view, pose)
+    if marked:
+        _marks(ax, view, pose)
 
 
 def _points(ax: Axes, view: SideView, pose: int) -> None:
@@ -113,6 +119,10 @@ def _points(ax: Axes, view: SideView, pose: int) -> None:
     ax.plot(*hinges.T, "o", ms=6, mfc=INK, mec="white", mew=0.8, ls="", zorder=7)
     springs = joints[len(joints) - view.springs :]
     ax.plot(*springs.T, "D", ms=7, mfc=SPRING, mec="white", ls="", zorder=7)
+
+
+def _marks(ax: Axes, view: SideView, pose: int) -> None:
+    """Loads and tool."""
     for places in view.loads.values():
         ax.plot(*places[pose], "s", ms=8, mfc="#fde68a", mec=INK, alpha=0.9, zorder=6)
     ax.plot(*view.tool[pose], "*", ms=11, mfc=MARK, mec="white", mew=0.7, zorder=8)

@@ -12,7 +12,17 @@ from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import Swing, Swings
 from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.machine.poses import joint_positions
-from armdesign.plots.canvas import COMPUTED, MARK, WIDTH, figure, literal, title_of, wrapped
+from armdesign.plots.canvas import (
+    COMPUTED,
+    INK,
+    MARK,
+    WIDTH,
+    Style,
+    figure,
+    literal,
+    title_of,
+    wrapped,
+)
 from armdesign.plots.machine_words import pose_words
 from armdesign.plots.machines import draw_machine, extent, frame
 from armdesign.units import mm
@@ -22,7 +32,10 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes, Figure
 
 FADED = {"fc": "#f3f4f6", "ec": "#d1d5db"}
+ENDS = MARK, COMPUTED  # of a swing
+SIZE = "drawn size of the swing: the point that moves furthest goes 5 % of the machine's size"
 SHOWN = 3  # lowest modes
+TALLEST = 7.0  # [in] of axes
 HEADING, LINE = 10.0, 0.2  # letters [pt] and height [in] of a line above all modes
 
 
@@ -49,11 +62,11 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
     view = side_view(machine, pose)
     swings = Swings(machine=machine, bodies=view.bodies, size=view.size)
     low, high = extent([view])
-    wide, tall = high - low
+    wide, tall = (high - low).tolist()
     width = WIDTH / count
     heading = wrapped(f"{_title(machine)}\n{pose_words(machine, view)}", WIDTH, HEADING)
-    above = 1.1 + LINE * len(heading)  # of one size of the machine, however long its title is
-    fig, axes = figure(count, width, (width - 0.6) * float(tall / wide) * 1.08 + above)
+    around = 1.5 + LINE * len(heading)  # of one size of the machine, however long its title is
+    fig, axes = figure(count, width, min((width - 0.6) * tall / wide * 1.08, TALLEST) + around)
     shown = [swings.of(pose, natural.shapes[:, :, mode]) for mode in range(count)]
     ends = [_ends(ax, machine, view, swing) for ax, swing in zip(axes, shown, strict=True)]
     seen = extent([view, *(end for both in ends for end in both)])
@@ -64,15 +77,23 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
         words = f"mode {mode + 1}: {natural.frequencies[0, mode]:.3f} Hz, {limiting}"
         ax.set_title(f"{words}\n± {swing.tool[0] / mm:.0f} mm at the tool", fontsize=9, loc="left")
     fig.suptitle("\n".join(heading), fontsize=HEADING)
+    stars = [line for line in axes[0].lines if line.get_marker() == "*"]
+    names = ["at rest", "one end of the swing", "the other end, half a period later"]
+    place: Style = {"loc": "outside lower left", "ncols": 3, "title": SIZE, "alignment": "left"}
+    fig.legend(stars, names, title_fontsize=8, **place)
     return fig
 
 
 def _ends(ax: Axes, machine: Machine, view: SideView, swing: Swing) -> list[SideView]:
     """Machine at rest, and its outlines at both ends of a mode's swing; what they cover."""
-    draw_machine(ax, machine, view, 0, **FADED)
+    draw_machine(ax, machine, view, 0, marked=False, **FADED)
+    ax.plot(*view.tool[0], "*", ms=9, mfc="white", mec=INK, mew=0.8, zorder=8)
+    if machine.payload.name in view.loads:
+        load: Style = {"ms": 7, "mfc": "none", "mec": INK, "mew": 0.8}
+        ax.plot(*view.loads[machine.payload.name][0], "s", **load, zorder=7)
     sides = [view.coordinates + side * swing.steps for side in (1, -1)]
     ends = [side_view(machine, z, known=view) for z in sides]
-    for end, colour in zip(ends, (MARK, COMPUTED), strict=True):
+    for end, colour in zip(ends, ENDS, strict=True):
         cylinders = [corners for both in end.barrel_and_rod() for corners in both]
         for corners in (one for body in end.polygons()[1:] for one in body):
             ax.fill(*corners.T, fc="none", ec=colour, lw=1.1, zorder=8)

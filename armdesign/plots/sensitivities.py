@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, Style, figure, literal
+from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, Style, figure, literal, title_of
 
 if TYPE_CHECKING:
     from armdesign.influence.sensitivity import Sensitivity
@@ -43,6 +43,7 @@ def tornado(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
     ax.grid(axis="x", alpha=0.3)
     worst = sensitivity.rivals[0].frequency
     ax.set(xlabel=f"change of the worst frequency, {worst:.3f} Hz [mHz]")
+    ax.set_title(f"{title_of(sensitivity.machine)}\nworst frequency by the numbers of the file")
     ax.legend(frameon=False, fontsize=8, loc="best")
     return ax
 
@@ -60,6 +61,8 @@ def distribution(tolerances: Tolerances, ax: Axes | None = None) -> Axes:
     share = f"{100 * tolerances.share:.1f} % of the machines reach it"
     ax.axvline(tolerances.least, color=MARK, label=f"{words}: {share}")
     ax.set(xlabel="worst frequency [Hz]", ylabel="density [1/Hz]", xlim=(low, high))
+    count = f"{len(tolerances.frequencies):,}".replace(",", "\u202f")
+    ax.set_title(f"{title_of(tolerances.machine)}\n{count} machines within their tolerances")
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)
     return ax
@@ -78,6 +81,7 @@ def linear_against_exact(answer: WhatIf, ax: Axes | None = None) -> Axes:
     ends = [min(exact.min(), linear.min(), 0.0), max(exact.max(), linear.max(), 0.0)]
     ax.plot(ends, ends, color=INK, lw=0.8)
     ax.set(xlabel="change [%]", ylabel="linear estimate of it [%]")
+    ax.set_title(f"{title_of(answer.before.machine)}\nlinear estimates against exact changes")
     ax.grid(alpha=0.3)
     ax.legend(frameon=False)
     return ax

@@ -218,8 +218,8 @@ def bands_of_design(design: Design) -> Sheet:
 
 
 def _vanishing(design: Design) -> str:
-    """Loss of the new machine somewhere within the bands; empty if nothing."""
-    if design.least_gain > 0:
+    """Loss of a new machine that gains with the file's values; empty without one."""
+    if design.least_gain > 0 or design.gain <= 0:
         return ""
     return f"the gain vanishes within the bands: {percent(design.least_gain)} there; "
 
@@ -337,7 +337,8 @@ def steps_sheet(answer: Steps) -> Sheet:
         " lift chart"
     ]
     notes.append(
-        "searched: sets of so many pins, from today's pins and from the best with one pin less;"
+        "searched: sets of so many pins, from today's pins, from the best with one pin less and,"
+        " where starts ask for them, from drawn ones;"
         " proved: of the other sets those whose upper bound is no more than what is reached here,"
         " and by how much others might exceed it"
     )
@@ -381,7 +382,8 @@ def _torques(design: Design) -> str:
 
     shares = [100 * share for share in torque_shares(design.machine, design.today).values()]
     low, high = np.min(shares), np.max(shares)
-    return f"the actuators' largest torques are {low:.0f} to {high:.0f} % of today's"
+    ends = dict.fromkeys(f"{share:.0f}" for share in (low, high))
+    return f"the actuators' largest torques are {' to '.join(ends)} % of today's"
 
 
 def _lift(design: Design) -> str:
@@ -395,7 +397,9 @@ def _throughout(design: Design) -> str:
     """Least gain of the new machine within the bands."""
     least = design.least_gain
     low, high = design.band_after.low.frequency, design.band_after.high.frequency
-    what = "a gain of at least" if least > 0 else "the gain vanishes there:"
+    what = "a gain of at least"
+    if least <= 0:
+        what = "the gain vanishes there:" if design.gain > 0 else "in the worst case"
     assumed = ", assumed" if is_assumed(design.today, design.bands) else ""
     return (
         f" Within the bands of what is not known exactly{assumed}, the {LOWEST} has {low:.3f} to"

@@ -127,7 +127,7 @@ def _map(model: _Models, scene: MapScene, index: int) -> Model:
         name=f"map-{index}",
         x_range=model("Range1d", **_ends(x)),
         y_range=model("Range1d", **(_ends(y) if y else {"start": 0, "end": 1})),
-        title=model("Title", text=scene.machines[index].label),
+        title=model("Title", text=f"{scene.machines[index].label}\n "),  # room for two lines
         renderers=[cells, marks],
     )
 

@@ -64,11 +64,12 @@ def _item(item: Sheet | str) -> str:
     frame = pd.DataFrame(list(item.rows), columns=list(item.columns) or None)
     table = frame.to_html(index=False, header=bool(item.columns), border=0)
     note = f"<p><small>{html.escape(item.note)}</small></p>" if item.note else ""
-    return f"<p><b>{html.escape(item.title)}</b></p>{table}{note}"
+    scrolled = f'<div style="overflow-x: auto">{table}</div>'
+    return f"<p><b>{html.escape(item.title)}</b></p>{scrolled}{note}"
 
 
 def _picture(figure: Any) -> str:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DOTS)
     data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return f'<img alt="" src="data:image/png;base64,{data}">'
+    return f'<img alt="" style="max-width: 100%" src="data:image/png;base64,{data}">'

@@ -371,7 +371,9 @@
   };
   const axisLabel = ({ name, unit }) => `${name} [${unit === "°" ? "deg" : unit}]`;
   const range = (axis, middles, width) => {
-    [axis.start, axis.end] = [Math.min(...middles) - width / 2, Math.max(...middles) + width / 2];
+    const spare = scene.planes[0].y ? 0 : 0.03 * (Math.max(...middles) - Math.min(...middles)); // of rings about points
+    const beyond = width / 2 + spare;
+    [axis.start, axis.end] = [Math.min(...middles) - beyond, Math.max(...middles) + beyond];
   };
   const fill = () => {
     const [load_case, index, statistic] = [controls.case, controls.plane, controls.statistic].map((one) => Number(one.value));
@@ -391,7 +393,7 @@
       map.below[0].axis_label = axisLabel(plane.x);
       map.left[0].axis_label = plane.y ? axisLabel(plane.y) : scene.quantity;
       const least = Math.min(...data[k].value);
-      map.title.text = values.length ? `${one.label}: ${LEAST[statistic]} ${least.toFixed(3)} Hz` : one.label;
+      map.title.text = values.length ? `${one.label}\n${LEAST[statistic]} ${least.toFixed(3)} Hz` : `${one.label}\n `;
       source.selected.indices = [];
       source.data = data[k];
       const at = data[k].value.indexOf(least);

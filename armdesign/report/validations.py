@@ -158,7 +158,7 @@ def verdict(validations: Sequence[Validation]) -> str:
         deviation += f", with dry friction {_largest(dry) if dry else 'not known'}"
     if len(dry) < len(repeated):
         deviation += f": {len(dry)} of {len(repeated)} repetitions show a mode"
-    return (
-        f"{agree} of {agree + remarks.total()} sweeps agree{others} (every cylinder at the worst,"
-        f" the median and the best pose){deviation}"
-    )
+    usual = all("worst" in validation.by_pose for validation in validations)
+    poses = "the worst, the median and the best pose" if usual else "each given pose"
+    counted = f"{agree} of {agree + remarks.total()} sweeps agree{others}"
+    return f"{counted} (every cylinder at {poses}){deviation}"

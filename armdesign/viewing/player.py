@@ -40,6 +40,11 @@ PERIODS = 3  # of each mode
 LARGEST = 1_500_000  # bytes
 FILMED = ((FAULT, LOWEST, LIMITING), (ALONE, DAMPED))  # rows of a reading, line by line
 LINE = 72  # letters
+CORNER = """
+#legend { position: fixed; left: 12px; top: 8px; z-index: 9; font: 13px/1.5 sans-serif;
+  color: #20262e; background: #ffffffcc; padding: 4px 8px; pointer-events: none }
+@media (max-width: 60rem) { #legend { left: 0; top: auto; bottom: 52px } }
+"""  # on a narrow screen what is read stands above, and this over the film's controls
 
 
 def player(view: View) -> tuple[str, str]:
@@ -140,11 +145,7 @@ def legend(view: View) -> str:
     title = escaped(machine.section.title or machine.name)
     load = escaped(f"load case {machine.payload.name}")
     over = f"<br>today, and new see-through: {escaped(view.new.name)}" if view.new else ""
-    style = (
-        "position:fixed;left:12px;top:8px;z-index:9;font:13px/1.5 sans-serif;color:#20262e;"
-        "background:#ffffffcc;padding:4px 8px;pointer-events:none"
-    )
     return (
-        f'<div id="legend" style="{style}"><b>{title}</b>, {load}{over}<br>'
+        f'<style>{CORNER}</style><div id="legend"><b>{title}</b>, {load}{over}<br>'
         f"{scale_words(view.region)}</div>"
     )

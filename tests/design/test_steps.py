@@ -5,11 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import armdesign as ad
+from armdesign.design.search.multistart import ROUGHLY, follow_all
 from armdesign.design.steps import _best_built, _rising
 from armdesign.errors import InfeasibleError
 from armdesign.report.designs import steps_sheet
@@ -59,6 +61,36 @@ def test_gains_are_of_what_the_designs_were_made_for() -> None:
     for step in robust.steps:
         assert step.gain == step.design.least_gain
         assert step.design.bands == bands
+
+
+def test_every_set_has_drawn_starts_where_they_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Today's pins and the best of one pin less by themselves; the others by their seed alone."""
+    machine, space = named("paper_1dof"), ad.Workspace.grid(named("paper_1dof"), points=2)
+    begun: list[list[tuple[int, list[float]]]] = []
+
+    def noted(searches: Any, workers: int, **settings: Any) -> Any:
+        if settings == ROUGHLY:
+            begun.append([(len(s.problem.vector.vary) - 1, s.x.tolist()) for s in searches])
+        return follow_all(searches, workers, **settings)
+
+    monkeypatch.setattr("armdesign.design.steps.follow_all", noted)
+    gains = {}
+    for starts, seed in ((None, 0), (1, 0), (4, 0), (4, 0), (4, 1)):
+        begun.clear()
+        answer = ad.steps(machine, space, starts=starts, seed=seed)
+        gains[starts, seed] = [step.gain for step in answer.steps]
+        counts = [len(of_count) for of_count in begun]
+        assert counts == ([1, 8, 4] if starts == 4 else [1, 4, 2])  # of 1, 2 and 1 sets
+        of_both = [x for _, x in begun[2]]
+        assert len({tuple(x) for x in of_both}) == len(of_both)
+        drawn = of_both[2:]
+        if seed == 0 and starts == 4:
+            first = drawn
+    assert drawn != first
+    np.testing.assert_allclose(gains[1, 0], gains[None, 0], rtol=1e-12)
+    assert "starts=4, seed=1" in answer.steps[-1].design.machine.text
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -272,3 +273,41 @@ def test_every_joint_is_labelled_and_no_label_covers_another(name: str) -> None:
             for other in boxes[:k]:
                 beside = one.x0 > other.x1 or other.x0 > one.x1
                 assert beside or min(one.y1, other.y1) - max(one.y0, other.y0) < 2 * dot
+
+
+@pytest.mark.parametrize(
+    "name", ["mini_excavator_2t", "excavator_12t", "excavator_20t", "loader_crane", "rotator"]
+)
+def test_lines_from_labels_to_their_points_do_not_cross(name: str) -> None:
+    """As they are drawn, on the screen, by the determinants of a segment's ends about another."""
+    ax = plots.machine_drawing(named(name))
+    ax.figure.canvas.draw()
+    lines = []
+    for text in ax.texts:
+        if text.arrow_patch is not None:
+            path = text.arrow_patch.get_path()
+            lines.append(text.arrow_patch.get_transform().transform(path.vertices)[[0, -1]])
+    assert len(lines) == len([text for text in ax.texts if text.get_weight() == "bold"])
+
+    def sides(line: Any, other: Any) -> float:
+        along = line[1] - line[0]
+        return float(np.prod([along[0] * w[1] - along[1] * w[0] for w in other - line[0]]))
+
+    for one, other in itertools.combinations(lines, 2):
+        assert not (sides(one, other) < 0 and sides(other, one) < 0)
+
+
+def test_modes_show_the_load_at_work_and_the_tool_at_rest_apart_from_the_ends() -> None:
+    """The empty bucket has no load; the tool is at rest once, and red and blue at the ends."""
+    machine = named("excavator_20t")
+    for case, loads in (("empty", 0), ("full", 1)):
+        fig = plots.mode_shapes(machine.with_payload(case))
+        for ax in fig.axes:
+            marks = [line for line in ax.lines if np.size(line.get_xdata())]
+            assert sum(line.get_marker() == "s" for line in marks) == loads
+            stars = [line for line in marks if line.get_marker() == "*"]
+            colours = [line.get_markerfacecolor() for line in stars]
+            assert colours == ["white", canvas.MARK, canvas.COMPUTED]
+    words = [text.get_text() for text in fig.legends[0].get_texts()]
+    assert words[0] == "at rest"
+    assert len(words) == 3

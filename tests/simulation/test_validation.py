@@ -261,11 +261,13 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     assert twice.count("Failed: ") == 1
     assert "2 of 3 sweeps agree" in verdict([validation])
     assert "1 failed" in verdict([validation])
+    assert "(every cylinder at each given pose)" in verdict([validation])
     monkeypatch.setattr(motion, "MOST_STEPS", 50)
     nothing = validate_maps([ad.frequency_map(machine, ad.Workspace.grid(machine, 3))])[0]
     assert not nothing.runs
     # two poses before, one in either of its runs
     assert verdict([nothing]).startswith("0 of 4 sweeps agree, 4 failed")
+    assert "the worst, the median and the best pose" in verdict([nothing])
     assert len(nothing.plot().axes) == 1
     with pytest.raises(
         SimulationError, match=r"gave up at .* s, last known at boom .*; also: .*gave up at"

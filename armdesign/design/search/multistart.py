@@ -140,7 +140,7 @@ def multistart(
     (None: ``STARTS``, or ``STARTS_OF_FOUR_BARS`` where four-bars move). Every start is searched
     roughly; those that come near the best are searched to the end, with SLSQP too.
     """
-    searches = [Search(problem=problem, x=x) for x in _start_designs(problem, starts, seed, given)]
+    searches = [Search(problem=problem, x=x) for x in start_designs(problem, starts, seed, given)]
     searches = follow_all(searches, workers, **ROUGHLY)
     least = max(s.merit for s in searches) - LEFT_BELOW
     near = [k for k, search in enumerate(searches) if search.merit >= least]
@@ -153,10 +153,10 @@ def multistart(
     return with_least_moved_pins(best), Starts.of(searches)
 
 
-def _start_designs(
-    problem: Problem, starts: int | None, seed: int, given: Array | None
+def start_designs(
+    problem: Problem, starts: int | None, seed: int, given: Array | None = None
 ) -> list[Array]:
-    """The designs that searches start from."""
+    """The designs that searches start from: the given one, today's machine, drawn pins."""
     random = np.random.default_rng(seed)
     moving = np.array([v.pin is not None for v in problem.vector.variables])
     designs = [] if given is None else [given]
