@@ -24,13 +24,14 @@ import numpy as np
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, Filter
+from armdesign.control.critical_gain import critical_factor
 from armdesign.control.loop_plant import LoopPlant, refuse_long
 from armdesign.control.map_parts import ControlOptions, MapPart, map_parts
 from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN
 from armdesign.control.most_margin import no_gains_keep
 from armdesign.control.own_bandwidths import Schemes, schemes
 from armdesign.control.settling import settling_time, tracking_error
-from armdesign.control.tuning import Tuned, critical_factor
+from armdesign.control.tuning import Tuned
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import natural_modes

@@ -381,7 +381,9 @@ def _narrower(
     section = machine.section.tolerances
     stated = {key: width for key, width in section if key not in NO_WIDTHS and width}
     stated |= {f'keys."{path}"': half for path, half in section.keys.items()}
-    narrower = (f"{key} = {outward(share * width, 3, up=False):g}" for key, width in stated.items())
+    narrower = (
+        f"{key} = {outward(share * width, 3, up=False):g}" for key, width in stated.items()
+    )
     return f"with {share_text(share)} of the widths they can: {', '.join(narrower)}"
 
 
