@@ -5,14 +5,16 @@ eigenvector v, left w and w·v = 1. The modal coordinate a = w·(x − x₀) of 
 follows e^{λt} as far as the linear model holds, which gives frequency and damping. What spools of
 uneven sides make of λ is in ``uneven_spools``: one pole for a swing that has just begun, so that
 the first ``PERIODS`` count, and one for a swing that lasts. Dry friction, which has no derivative
-at standstill, is left out, as in the linear model.
+at standstill, is left out, as in the linear model, and so are leaks of seals in good order, which
+damp by less than 10⁻³ but let the arm creep past so small a swing.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +25,7 @@ from armdesign.control.loop_plant import LoopPlant, loop_plant
 from armdesign.control.stated_damping import controllable
 from armdesign.control.uneven_spools import swings
 from armdesign.errors import SimulationError
+from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import SymmetricValve
 from armdesign.simulation.integrator import Breaks, GaveUpError, Pace, Span, integrate
@@ -31,15 +34,15 @@ from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
 
-# [bar] of the load pressures in the mode at the start. Valves that pressures move much are linear
-# only so far; a slow mode must swing more than its pressures drift meanwhile.
-SWING, SLOW_SWING = 0.01, 0.02
+SWING = 1e-3  # [bar] of the load pressures in the mode at the start
 LEAST_PERIODS, PERIODS = 1.5, 3.0  # of the run, which ends when the swing has changed
 CHANGE = 30.0  # by this factor
 RATE, MOST_STEPS = 60.0, 200_000  # records per period, and steps
 TOLERANCE = 1e-10
 SMALL = 1e-6  # opening
 CREEP = 1e-3  # [ω_1] what swings slower is drift
+
+F = TypeVar("F", Cylinder, Motor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -175,7 +178,7 @@ def closed_loop_run(
     lasting: bool = False,
     periods: float = PERIODS,
     change: float = CHANGE,
-    swing: float | None = None,
+    swing: float = SWING,
 ) -> ClosedLoopRun:
     """A small swing of the nonlinear plant in the least damped mode of its closed loops.
 
@@ -187,7 +190,7 @@ def closed_loop_run(
         lasting: whether the prediction is of a swing that lasts, see ``passed``.
         periods: of the run at most.
         change: of the linear swing, after which the run ends.
-        swing: of the load pressures at the start [bar]; None: ``SWING``, or ``SLOW_SWING``.
+        swing: of the load pressures at the start [bar].
 
     Raises:
         SimulationError: the closed loops do not swing, or the integration gives up.
@@ -196,7 +199,6 @@ def closed_loop_run(
     pole, right, left = _mode(machine, loops, controller, least_damped)
     among = swings(loops, controller, lasting)[0]
     arm = _arm(machine, q, loops, controller)
-    swing = swing or (SWING if least_damped else SLOW_SWING)
     scale = swing / np.abs(loops.load @ right[: loops.A.shape[1]]).max()
     start = arm.from_linear((right * scale).real)
     cycle = 2 * math.pi / pole.imag
@@ -222,12 +224,25 @@ def _arm(
     machine: Machine, q: ArrayLike, loops: LoopPlant, controller: Controller
 ) -> _ControlledArm:
     """The arm at rest at a pose, with its filters settled."""
-    plant = Plant(without_dry_friction(settled(controllable(machine, stated=False), q)))
+    plant = Plant(_sealed(without_dry_friction(settled(controllable(machine, stated=False), q))))
     start = find_equilibrium(plant, q).state
     load = loops.load @ start[: plant.size - 2 * plant.nc]
     target = np.asarray(q, dtype=float).reshape(-1)
     valves = SymmetricValve.all(plant, start)
     return _ControlledArm(plant, loops, controller, valves, target, np.concatenate([start, load]))
+
+
+def _sealed(machine: Machine) -> Machine:
+    """The machine without leaks that count as none at rest, see ``Valve.leaks``."""
+
+    def tight(actuator: F) -> F:
+        valve = actuator.valve
+        if valve is None or valve.leaks:
+            return actuator
+        return replace(actuator, valve=replace(valve, leakage=0.0, tank_leakage=0.0))
+
+    cylinders, motors = map(tight, machine.cylinders), map(tight, machine.motors)
+    return replace(machine, cylinders=tuple(cylinders), motors=tuple(motors))
 
 
 def _mode(

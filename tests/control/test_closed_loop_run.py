@@ -95,7 +95,7 @@ def test_fast_swings_that_last_have_answered_their_mean() -> None:
         first, predicted = run.damping_ratios
         if run.pole.imag < 2 * loop_plant(machine, machine.at(q)).valve_omega.max():
             continue
-        smaller = closed_loop_run(machine, q, controller, swing=1e-3)
+        smaller = closed_loop_run(machine, q, controller, swing=1e-4)
         assert smaller.damping_ratios[0] == pytest.approx(first, rel=0.01)
         assert first == pytest.approx(predicted, rel=0.05)
         long = closed_loop_run(machine, q, controller, lasting=True, periods=100)
