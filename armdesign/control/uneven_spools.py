@@ -24,7 +24,7 @@ from armdesign.arrays import Array
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import LoopPlant
 
-POINTS = 128  # of a period
+POINTS = 64  # of a period
 HALVINGS = 30  # of mean demands up to the swing
 CREEP = 1e-3  # [ω_1] what swings slower is drift
 
@@ -60,16 +60,38 @@ def passed(plant: LoopPlant, omega: Array, lasting: bool = False) -> Array:
     return np.asarray(first / lags[..., 1])
 
 
-def swings(plant: LoopPlant, controller: Controller, lasting: bool = False) -> Array:
-    """Poles of the closed loops (n, m) [rad/s] as small swings have them; 0 for what only creeps.
+def swings(
+    plant: LoopPlant, controller: Controller, lasting: bool = False, count: int | None = None
+) -> Array:
+    """Poles of the closed loops (n, m) [rad/s] as small swings have them, the least damped first.
 
-    To first order in N/G − 1, and for each with the N of its own frequency.
+    To first order in N/G − 1, and for each with the N of its own frequency; NaN in place of poles
+    that only creep.
+
+    Args:
+        plant: of n poses.
+        controller: of them.
+        lasting: as in ``passed``.
+        count: m, of the poles with the least damping ratio; None: all.
     """
-    A = closed_loop(plant, controller)[0]
-    poles, right = np.linalg.eig(A)
+    poles, right = np.linalg.eig(closed_loop(plant, controller)[0])
     left = np.linalg.inv(right)
-    ns, nc = plant.B.shape[1:]
-    more = passed(plant, np.abs(poles.imag), lasting) - 1
-    seen, moved = left[:, :, :ns] @ plant.B, np.swapaxes(right[:, ns : ns + nc], 1, 2)
     swinging = poles.imag > CREEP * plant.omega[:, None]
-    return np.where(swinging, poles + (seen * more * moved).sum(axis=2), 0.0)
+    ratio = np.where(swinging, -poles.real / np.where(swinging, np.abs(poles), 1.0), np.inf)
+    order = np.argsort(ratio, axis=1)[:, :count]
+    ns, nc = plant.B.shape[1:]
+    moved = np.take_along_axis(np.swapaxes(right[:, ns : ns + nc], 1, 2), order[..., None], axis=1)
+    seen = np.take_along_axis(left[:, :, :ns], order[..., None], axis=1) @ plant.B
+    poles, swinging = (np.take_along_axis(each, order, axis=1) for each in (poles, swinging))
+    more = passed(plant, np.abs(poles.imag), lasting) - 1
+    return np.where(swinging, poles + (seen * more * moved).sum(axis=2), np.nan)
+
+
+def least_damping(plant: LoopPlant, controller: Controller) -> Array:
+    """Damping ratio (n,) of the least damped small swing of the closed loops, once it begins.
+
+    1 where none swings.
+    """
+    poles = swings(plant, controller, count=plant.frequencies.shape[1])
+    ratios = np.where(np.isnan(poles), 1.0, -poles.real / np.abs(poles))
+    return np.asarray(ratios.min(axis=1))

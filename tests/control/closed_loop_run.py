@@ -37,6 +37,7 @@ from armdesign.simulation.plant.springs import settled
 SWING = 1e-3  # [bar] of the load pressures in the mode at the start
 LEAST_PERIODS, PERIODS = 1.5, 3.0  # of the run, which ends when the swing has changed
 CHANGE = 30.0  # by this factor
+SPOOLS = 4.0  # 1/ζω of the slowest spool before it: by then spools swing evenly about their mean
 RATE, MOST_STEPS = 60.0, 200_000  # records per period, and steps
 TOLERANCE = 1e-10
 SMALL = 1e-6  # opening
@@ -206,17 +207,20 @@ def closed_loop_run(
     periods = min(max(changed, LEAST_PERIODS), periods)
     fastest = max(abs(pole), loops.valve_omega.max(), 2 * math.pi * loops.frequencies.max())
     pace = Pace(np.array([fastest]), np.array([fastest]))
-    span = Span.of([periods * cycle], [RATE / cycle])
+    first = SPOOLS / float((loops.valve_omega * loops.valve_damping).min())
+    span = Span.of([first + periods * cycle], [RATE / cycle])
     run = integrate(arm, start[None], span, pace, [Breaks((), True)], TOLERANCE, MOST_STEPS)[0]
     if isinstance(run, GaveUpError):
         fault = f"gave up at {run.time:.4g} s ({run})"
         raise SimulationError(f"{machine.name}: closed loops", fault, "give smaller gains")
-    amplitude = arm.to_linear(run) @ left
+    time = np.linspace(0.0, first + periods * cycle, len(run))
+    counts = time >= first
+    amplitude = (arm.to_linear(run) @ left)[counts]
     return ClosedLoopRun(
-        time=np.linspace(0.0, periods * cycle, len(run)),
+        time=time[counts] - time[counts][0],
         amplitude=amplitude / amplitude[0],
         pole=pole,
-        predicted=complex(among[np.abs(among - pole).argmin()]),
+        predicted=complex(among[np.nanargmin(np.abs(among - pole))]),
     )
 
 

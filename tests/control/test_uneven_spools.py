@@ -110,5 +110,5 @@ def test_poles_of_even_spools_are_those_of_the_linear_loops() -> None:
     even = replace(plant, sides=np.ones_like(plant.sides))
     poles = np.linalg.eigvals(closed_loop(plant, controller)[0][0])
     found = swings(even, controller)[0]
-    for pole in found[found != 0]:
+    for pole in found[~np.isnan(found)]:
         assert np.abs(poles - pole).min() < 1e-6 * abs(pole)
