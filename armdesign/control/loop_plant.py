@@ -248,7 +248,7 @@ def loop_plant(
 
 def _sides(models: LinearModels) -> Array:
     """Spools that equal demands to extend and to retract get at rest, over the mean (n, nc, 2)."""
-    actuators, system = actuators_of(models.machine), system_of(models.machine)[()]
+    actuators, system = actuators_of(models.machine), system_of(models.machine).reshape(1)[0]
     groups, rest = models.state_groups, models.equilibrium
     pressures = [rest[:, groups[f"{side} pressures"]] for side in SIDES]
     spools, line = rest[:, groups["spools"]], rest[:, groups["supply pressure"]]

@@ -37,7 +37,9 @@ from armdesign.simulation.plant.springs import settled
 SWING = 1e-3  # [bar] of the load pressures in the mode at the start
 LEAST_PERIODS, PERIODS = 1.5, 3.0  # of the run, which ends when the swing has changed
 CHANGE = 30.0  # by this factor
-SPOOLS = 4.0  # 1/ζω of the slowest spool before it: by then spools swing evenly about their mean
+# 1/ζω of the slowest spool before it: by then spools swing evenly about their mean. Nothing comes
+# before a swing that would be over then, e^−DECAYED of it left.
+SPOOLS, DECAYED = 4.0, 0.5
 RATE, MOST_STEPS = 60.0, 200_000  # records per period, and steps
 TOLERANCE = 1e-10
 SMALL = 1e-6  # opening
@@ -208,6 +210,7 @@ def closed_loop_run(
     fastest = max(abs(pole), loops.valve_omega.max(), 2 * math.pi * loops.frequencies.max())
     pace = Pace(np.array([fastest]), np.array([fastest]))
     first = SPOOLS / float((loops.valve_omega * loops.valve_damping).min())
+    first *= abs(pole.real) * first < DECAYED
     span = Span.of([first + periods * cycle], [RATE / cycle])
     run = integrate(arm, start[None], span, pace, [Breaks((), True)], TOLERANCE, MOST_STEPS)[0]
     if isinstance(run, GaveUpError):

@@ -10,16 +10,16 @@ import pytest
 import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.control.controller import Controller
-from armdesign.control.critical_gain import critical_factor
+from armdesign.control.critical_gain import MOST_CRITICAL, critical_factor
 from armdesign.control.loop_plant import loop_plant, workable
 from armdesign.control.loops import Loops
 from armdesign.control.tuning import Aim, Task, damped, proportional
 from armdesign.machine.loading import shipped
-from tests.control.closed_loop_run import ClosedLoopRun, closed_loop_run
+from tests.control.closed_loop_run import closed_loop_run
 from tests.control.machines import single_pose
 
 CALIBRATED, YIELDING = "calibrated", "cylinder.lift.compliance_m_per_N"
-POSES, MANY = 10, 2_000.0  # poses of each machine; periods of a swing that hardly grows
+POSES, MANY = 20, 2_000.0  # poses of each machine; periods of a swing that hardly grows
 DATA_SHEET = {YIELDING: 0.0, "fluid.entrained_air_percent": 0.0, "fluid.bulk_modulus_MPa": 1200.0}
 
 
@@ -59,7 +59,7 @@ def controllers_at(machine: ad.Machine, q: Array) -> list[Controller]:
 @pytest.mark.parametrize("name", [*shipped(), CALIBRATED])
 def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
     """Within 10 % at every pose and with all gains; growth at 1.3 × the critical gain."""
-    machine, tried = loaded(name), 0
+    machine, tried, grown = loaded(name), 0, 0
     for q in poses_of(machine, POSES):
         for controller in controllers_at(machine, q):
             for least_damped in (True, False):
@@ -69,20 +69,18 @@ def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
                 assert nonlinear == pytest.approx(predicted, rel=0.1)
                 left = abs(np.exp(run.predicted * run.time[-1]))  # and what drifts
                 assert abs(run.amplitude[-1]) < 0.05 + left
-            run = beyond(machine, q, controller)
+            tried += 1
+            factor = critical_factor(loop_plant(machine, machine.at(q)), controller)[0]
+            if factor == MOST_CRITICAL:  # stable even there
+                continue
+            more = replace(controller, position=1.3 * factor * controller.position)
+            run = closed_loop_run(machine, q, more, periods=MANY, change=1.5)
             assert run.pole.real > 0
             assert run.nonlinear_pole.real > 0
             assert abs(run.amplitude[-1]) > 1.2
-            tried += 1
+            grown += 1
     assert tried > 2 * POSES
-
-
-def beyond(machine: ad.Machine, q: Array, controller: Controller) -> ClosedLoopRun:
-    """At 1.3 × the critical gain, until the linear loops have grown to 1.5 times."""
-    plant = loop_plant(machine, machine.at(q))
-    factor = 1.3 * critical_factor(plant, controller)[0]
-    more = replace(controller, position=factor * controller.position)
-    return closed_loop_run(machine, q, more, periods=MANY, change=1.5)
+    assert grown > 0.9 * tried
 
 
 @pytest.mark.slow
