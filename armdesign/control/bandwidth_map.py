@@ -24,13 +24,15 @@ import numpy as np
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, Filter
+from armdesign.control.critical_gain import critical_factor
 from armdesign.control.loop_plant import LoopPlant, refuse_long
 from armdesign.control.map_parts import ControlOptions, MapPart, map_parts
 from armdesign.control.margins import GAIN_MARGIN_DB, PHASE_MARGIN
 from armdesign.control.most_margin import no_gains_keep
 from armdesign.control.own_bandwidths import Schemes, schemes
 from armdesign.control.settling import settling_time, tracking_error
-from armdesign.control.tuning import Tuned, critical_factor
+from armdesign.control.tuning import Tuned
+from armdesign.control.uneven_spools import least_damping
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import natural_modes
@@ -62,7 +64,8 @@ class BandwidthMap(ReadOnly):
             ``<scheme>_margin``, ``<scheme>_peak`` of S, ``<scheme>_settling_s`` after a step,
             ``<scheme>_tracking_s``: error of a constant-speed move over the speed, without
             feed-forward. Of ``own`` also ``own_critical``: factor on its gains at which the loops
-            become unstable. All 0 where no controller works.
+            become unstable, and without a delay ``own_damping``: ratio of the least damped mode
+            with the loops closed. All 0 where no controller works.
         gains: one row for each row of ``frame``: ``<scheme>_<joint>_gain_per_s``,
             ``<scheme>_<actuator>_pressure_gain_m_per_s_bar`` and ``corner_rad_per_s``.
         machine: the machine.
@@ -110,7 +113,8 @@ class BandwidthMap(ReadOnly):
         """For drive and controller makers: frequency, damping, critical gain, gains, filter.
 
         Of ``own`` gains, and beside them position gains for loops without pressure feedback
-        (``individual``); one row per pose and load case at which a controller works.
+        (``individual``); one row per pose and load case at which a controller works. Where no
+        delay is stated, with the damping of the closed loops.
         """
         own = [name for name in map(str, self.gains.columns) if name.startswith("own_")]
         named = {name: name.removeprefix("own_") for name in [*own, "corner_rad_per_s"]}
@@ -123,6 +127,8 @@ class BandwidthMap(ReadOnly):
         first = gains[f"{self.machine.joints[0]}_gain_per_s"]
         critical = self.frame.loc[works, "own_critical"] * first
         head = head.assign(critical_gain_per_s=critical)
+        if "own_damping" in self.frame:
+            head = head.assign(closed_damping=self.frame.loc[works, "own_damping"])
         return head.join(gains).assign(filter=self.options.filter).reset_index(drop=True)
 
     @property
@@ -240,6 +246,9 @@ def _tabled(
         numbers |= _numbers(machine, scheme, tuned.controller)
     own = found.own.controller
     figures["own_critical"] = critical_factor(plant, own)
+    if not options.delay:  # which has no finite number of poles
+        closed = own.position.any(axis=1)
+        figures["own_damping"] = np.where(closed, least_damping(plant, own), 0.0)
     numbers["corner_rad_per_s"] = own.corner
     for table, new in ((frame, figures), (gains, numbers)):
         for name, values in new.items():

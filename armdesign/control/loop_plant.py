@@ -26,12 +26,14 @@ from armdesign.control.stated_damping import (
 )
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import natural_modes
-from armdesign.hydraulics.actuator import areas_of
+from armdesign.hydraulics.actuator import SIDES, areas_of
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
 from armdesign.simulation.damped_modes import fastest_poles
+from armdesign.simulation.linear_model import LinearModels
 from armdesign.simulation.linearization import linear_models
-from armdesign.simulation.plant.hydraulics import actuators_of
+from armdesign.simulation.plant import slopes
+from armdesign.simulation.plant.hydraulics import actuators_of, system_of
 from armdesign.units import bar, ms, outward
 
 INDEPENDENT = 1e9  # condition of eigenvectors that lose no more than half of the digits
@@ -39,6 +41,7 @@ LEAKING = 1e-4  # [ω_1] of leaking oil, whose pressures drift within hours
 CREEPING = 2.0  # times the rate at which pressures creep apart with no loop closed
 LAGGING = 0.1  # rad, by which a delay lags where loops are still lags
 LONGEST = 30.0  # periods of the lowest mode in a delay: beyond, pressures creep as fast as loops
+BESIDE = 1e-9  # spool position by which one side of the middle is told from the other
 AT_ONCE = 30_000  # frequencies, of all poses: their matrices stay below 100 MB
 
 
@@ -60,6 +63,7 @@ class LoopPlant(ReadOnly):
         damping: damping ratios of the modes (n, k).
         valve_omega: natural frequencies of the spools (nc,) [rad/s].
         valve_damping: their damping ratios (nc,).
+        sides: spool that a demand to extend and one to retract gets, over the mean (n, nc, 2).
         delay: between demand and spool [s].
     """
 
@@ -74,6 +78,7 @@ class LoopPlant(ReadOnly):
     damping: Array
     valve_omega: Array
     valve_damping: Array
+    sides: Array
     delay: float
 
     def __len__(self) -> int:
@@ -132,9 +137,12 @@ class LoopPlant(ReadOnly):
 
     def valve(self, s: Array) -> Array:
         """Response of spool and delay (…, nc) at complex frequencies s (…) [rad/s]."""
+        return np.asarray(self.spool(s) * np.exp(-self.delay * np.asarray(s)[..., None]))
+
+    def spool(self, s: Array) -> Array:
+        """Response of the spools (…, nc) at complex frequencies s (…) [rad/s]."""
         omega, s = self.valve_omega, np.asarray(s)[..., None]
-        lag = omega**2 / (s**2 + 2 * self.valve_damping * omega * s + omega**2)
-        return np.asarray(lag * np.exp(-self.delay * s))
+        return np.asarray(omega**2 / (s**2 + 2 * self.valve_damping * omega * s + omega**2))
 
     @cached_property
     def _modal(self) -> tuple[Array, Array, Array]:
@@ -201,7 +209,8 @@ def loop_plant(
     if not 0 <= delay < math.inf:
         fault = f"{delay / ms:g} ms is not a time of 0 ms or more"
         raise ArmDesignError("delay", fault, "give one as --delay 20 (in Python delay=0.02)")
-    matrices = linear_models(controllable(machine, ratio is not None), poses.q).state_matrix_in_bar
+    models = linear_models(controllable(machine, ratio is not None), poses.q)
+    matrices = models.state_matrix_in_bar
     modes, k, nc = natural_modes(poses), poses.mass_matrix.shape[1], len(machine.actuators)
     rows, areas = slice(k, 2 * k), areas_of(machine.actuators)
     A = np.array(matrices[:, : -2 * nc, : -2 * nc])
@@ -232,8 +241,27 @@ def loop_plant(
         damping=ratios,
         valve_omega=2 * math.pi * np.array([valve.natural_frequency for valve in valves]),
         valve_damping=np.array([valve.damping_ratio for valve in valves]),
+        sides=_sides(models),
         delay=float(delay),
     )
+
+
+def _sides(models: LinearModels) -> Array:
+    """Spools that equal demands to extend and to retract get at rest, over the mean (n, nc, 2)."""
+    actuators, system = actuators_of(models.machine), system_of(models.machine).reshape(1)[0]
+    groups, rest = models.state_groups, models.equilibrium
+    pressures = [rest[:, groups[f"{side} pressures"]] for side in SIDES]
+    spools, line = rest[:, groups["spools"]], rest[:, groups["supply pressure"]]
+    none = np.zeros_like(spools)
+    supply = none + (line if line.size else system["pressure"])
+    shares = actuators["areas"].T[:, None] / np.swapaxes(models.capacities, 0, 1)
+    gains = []
+    for moved in (spools + BESIDE, spools - BESIDE):
+        own = slopes.independent(np.stack([none, none, *pressures, moved, supply], axis=-1))
+        flows = [slopes.port(actuators, system, i, own)[0].by[..., slopes.SPOOL] for i in (0, 1)]
+        gains.append(np.abs(shares[0] * flows[0] + shares[1] * flows[1]))
+    both = np.maximum(np.stack(gains, axis=-1), np.finfo(float).tiny)
+    return np.asarray(both.mean(axis=-1, keepdims=True) / both)
 
 
 def refuse_long(delay: float, lowest: float, machine: Machine) -> None:

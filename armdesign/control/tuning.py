@@ -41,7 +41,6 @@ EXACT = 1.00001  # the same where small changes of a machine are to be seen
 # that is hardly damped lay between the frequencies of the grid.
 RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 HALVINGS = 12  # of gains between which and 0 a grid has missed a band of instability
-MOST_CRITICAL, BISECTIONS = 8.0, 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,18 +281,3 @@ def _between(least: Controller, most: Controller, share: Array) -> Controller:
         for low, high in ((least.position, most.position), (least.pressure, most.pressure))
     )
     return replace(most, position=position, pressure=pressure)
-
-
-def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
-    """Factor on all position gains at which each loop becomes unstable (n,).
-
-    Within 1.7 %, and at most ``MOST_CRITICAL``; 0 where the gains are 0.
-    """
-    n = len(plant)
-    low, high = np.ones(n), np.full(n, MOST_CRITICAL)
-    for _ in range(BISECTIONS):
-        middle = np.sqrt(low * high)
-        raised = replace(controller, position=controller.position * middle[:, None])
-        holds = stable(plant, raised)
-        low, high = np.where(holds, middle, low), np.where(holds, high, middle)
-    return np.where(controller.position.any(axis=1), np.sqrt(low * high), 0.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,7 @@ from armdesign.influence.widths import Width, family_of, widths_of
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
-from armdesign.units import WORKSHOP, Units, share_text
+from armdesign.units import WORKSHOP, Units, outward, share_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
 
 COUNT, MOST = 10_000, 1_000_000  # machines
+NO_WIDTHS = "distribution", "least_hz", "keys"  # of [tolerances]
+NARROWINGS = 8  # halvings of the widths with which all machines can take their worst pose
 LOOKED_AT = 32  # machines whose poses are searched, not followed alone
 PERCENTS = (0.1, 1, 5, 50, 95, 99, 99.9)
 SHOWN = 15  # numbers in the printed table
@@ -307,7 +309,7 @@ def tolerances(
         raise ArmDesignError(
             f"{machine.source.name}: tolerances",
             f"{share_text(lost.mean())} of the machines cannot take the worst pose",
-            "give smaller widths",
+            _narrower(machine, poses, widths, count, seed),
         )
     stated = machine.section.tolerances.least_hz if least is None else least
     return Tolerances(
@@ -355,6 +357,34 @@ def _frequencies(
         family = family_of(machine, tuple(widths), values[rows])
         parts.append(np.stack([rival.frequencies(family) for rival in poses], axis=1))
     return np.concatenate(parts)
+
+
+def _narrower(
+    machine: Machine, poses: Sequence[Rival], widths: Sequence[Width], count: int, seed: int
+) -> str:
+    """What to do where some machines cannot take any pose: widths with which all can."""
+
+    def lost(share: float, rows: Array | slice) -> Array:
+        less = [replace(width, half=share * width.half) for width in widths]
+        values = _sampled(machine, less, count, seed)[rows]
+        return np.flatnonzero(np.isnan(_frequencies(machine, poses, less, values)).all(axis=1))
+
+    every, share = slice(None), 1.0
+    rows = lost(share, every)
+    while len(rows):  # those lost before may not be all: others have their turn
+        low = 0.0
+        for _ in range(NARROWINGS):
+            middle = (low + share) / 2
+            low, share = (low, middle) if len(lost(middle, rows)) else (middle, share)
+        share = outward(low, 2, up=False)
+        rows = lost(share, every)
+    section = machine.section.tolerances
+    stated = {key: width for key, width in section if key not in NO_WIDTHS and width}
+    stated |= {f'keys."{path}"': half for path, half in section.keys.items()}
+    narrower = (
+        f"{key} = {outward(share * width, 3, up=False):g}" for key, width in stated.items()
+    )
+    return f"with {share_text(share)} of the widths they can: {', '.join(narrower)}"
 
 
 def _searched(

@@ -2,15 +2,19 @@
 
 The plant starts at rest but for a small swing in one mode λ of the linear closed loop, with right
 eigenvector v, left w and w·v = 1. The modal coordinate a = w·(x − x₀) of the nonlinear run then
-follows e^{λt} as far as the linear model holds, which gives frequency and damping. Dry friction,
-which has no derivative at standstill, is left out, as in the linear model.
+follows e^{λt} as far as the linear model holds, which gives frequency and damping. What spools of
+uneven sides make of λ is in ``uneven_spools``: one pole for a swing that has just begun, so that
+the first ``PERIODS`` count, and one for a swing that lasts. Dry friction, which has no derivative
+at standstill, is left out, as in the linear model, and so are leaks of seals in good order, which
+damp by less than 10⁻³ but let the arm creep past so small a swing.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +23,9 @@ from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import LoopPlant, loop_plant
 from armdesign.control.stated_damping import controllable
+from armdesign.control.uneven_spools import swings
 from armdesign.errors import SimulationError
+from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import SymmetricValve
 from armdesign.simulation.integrator import Breaks, GaveUpError, Pace, Span, integrate
@@ -28,15 +34,18 @@ from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
 
-# [bar] of the load pressures in the mode at the start. Valves that pressures move much are linear
-# only so far; a slow mode must swing more than its pressures drift meanwhile.
-SWING, SLOW_SWING = 0.01, 0.02
-LEAST_PERIODS, MOST_PERIODS = 1.5, 12.0  # of the run, which ends when the swing has changed
+SWING = 1e-3  # [bar] of the load pressures in the mode at the start
+LEAST_PERIODS, PERIODS = 1.5, 3.0  # of the run, which ends when the swing has changed
 CHANGE = 30.0  # by this factor
+# 1/ζω of the slowest spool before it: by then spools swing evenly about their mean. Nothing comes
+# before a swing that would be over then, e^−DECAYED of it left.
+SPOOLS, DECAYED = 4.0, 0.5
 RATE, MOST_STEPS = 60.0, 200_000  # records per period, and steps
 TOLERANCE = 1e-10
 SMALL = 1e-6  # opening
 CREEP = 1e-3  # [ω_1] what swings slower is drift
+
+F = TypeVar("F", Cylinder, Motor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,11 +56,13 @@ class ClosedLoopRun(ReadOnly):
         time: (n,) [s].
         amplitude: modal coordinate over that at the start (n,), complex.
         pole: of the linear closed loop [rad/s].
+        predicted: what uneven spools make of it [rad/s].
     """
 
     time: Array
     amplitude: Array
     pole: complex
+    predicted: complex
 
     @cached_property
     def nonlinear_pole(self) -> complex:
@@ -71,8 +82,8 @@ class ClosedLoopRun(ReadOnly):
 
     @property
     def damping_ratios(self) -> tuple[float, float]:
-        """Of the nonlinear run, and of the linear loop."""
-        poles = self.nonlinear_pole, self.pole
+        """Of the nonlinear run, and as predicted."""
+        poles = self.nonlinear_pole, self.predicted
         first, second = (-pole.real / abs(pole) for pole in poles)
         return first, second
 
@@ -99,6 +110,11 @@ class _ControlledArm:
         return np.array([float(valve.opening(spool)) for valve, spool in pairs])
 
     @property
+    def filtered(self) -> bool:
+        """Whether pressures are fed back at all: without, the linear loop has no filters."""
+        return bool(self.controller.pressure.any())
+
+    @property
     def speeds(self) -> Array:
         """Piston speed by opening (nc,) [m/s]."""
         return np.array([valve.speed for valve in self.valves])
@@ -118,7 +134,7 @@ class _ControlledArm:
         state = self.equilibrium.copy()
         state[:ns] += swing[:ns]
         state[ns:size] = np.concatenate([spools, rate * slope])
-        state[size:] += swing[-nc:]
+        state[size:] += swing[ns + 2 * nc :] if self.filtered else 0.0
         return state
 
     def to_linear(self, states: Array) -> Array:
@@ -134,7 +150,7 @@ class _ControlledArm:
         speed = (opened.T - self.opening) * self.speeds
         slopes = np.array([self._slope(row) for row in speed])
         parts = [away[:, :ns], speed, states[:, ns + nc : size] / slopes, away[:, size:]]
-        return np.concatenate(parts, axis=1)
+        return np.concatenate(parts if self.filtered else parts[:3], axis=1)
 
     def _slope(self, speed: Array) -> Array:
         """Spool position by piston speed on the side to which the pistons move (nc,) [s/m]."""
@@ -157,7 +173,15 @@ class _ControlledArm:
 
 
 def closed_loop_run(
-    machine: Machine, q: ArrayLike, controller: Controller, *, least_damped: bool = True
+    machine: Machine,
+    q: ArrayLike,
+    controller: Controller,
+    *,
+    least_damped: bool = True,
+    lasting: bool = False,
+    periods: float = PERIODS,
+    change: float = CHANGE,
+    swing: float = SWING,
 ) -> ClosedLoopRun:
     """A small swing of the nonlinear plant in the least damped mode of its closed loops.
 
@@ -166,42 +190,66 @@ def closed_loop_run(
         q: the pose (nq,) [rad, m].
         controller: of this one pose, with high-passes.
         least_damped: whether the mode with the smallest damping ratio swings, else the slowest.
+        lasting: whether the prediction is of a swing that lasts, see ``passed``.
+        periods: of the run at most.
+        change: of the linear swing, after which the run ends.
+        swing: of the load pressures at the start [bar].
 
     Raises:
         SimulationError: the closed loops do not swing, or the integration gives up.
     """
     loops = loop_plant(machine, machine.at(q))
     pole, right, left = _mode(machine, loops, controller, least_damped)
+    among = swings(loops, controller, lasting)[0]
     arm = _arm(machine, q, loops, controller)
-    swing = SWING if least_damped else SLOW_SWING
     scale = swing / np.abs(loops.load @ right[: loops.A.shape[1]]).max()
     start = arm.from_linear((right * scale).real)
     cycle = 2 * math.pi / pole.imag
-    decays = math.log(CHANGE) / max(abs(pole.real) * cycle, 1e-9)
-    periods = min(max(decays, LEAST_PERIODS), MOST_PERIODS)
-    duration = periods * cycle
+    changed = math.log(change) / max(abs(pole.real) * cycle, 1e-9)
+    periods = min(max(changed, LEAST_PERIODS), periods)
     fastest = max(abs(pole), loops.valve_omega.max(), 2 * math.pi * loops.frequencies.max())
     pace = Pace(np.array([fastest]), np.array([fastest]))
-    span = Span.of([duration], [RATE * periods / duration])
+    first = SPOOLS / float((loops.valve_omega * loops.valve_damping).min())
+    first *= abs(pole.real) * first < DECAYED
+    span = Span.of([first + periods * cycle], [RATE / cycle])
     run = integrate(arm, start[None], span, pace, [Breaks((), True)], TOLERANCE, MOST_STEPS)[0]
     if isinstance(run, GaveUpError):
         fault = f"gave up at {run.time:.4g} s ({run})"
         raise SimulationError(f"{machine.name}: closed loops", fault, "give smaller gains")
-    amplitude = arm.to_linear(run) @ left
-    time = np.linspace(0.0, duration, len(run))
-    return ClosedLoopRun(time=time, amplitude=amplitude / amplitude[0], pole=pole)
+    time = np.linspace(0.0, first + periods * cycle, len(run))
+    counts = time >= first
+    amplitude = (arm.to_linear(run) @ left)[counts]
+    return ClosedLoopRun(
+        time=time[counts] - time[counts][0],
+        amplitude=amplitude / amplitude[0],
+        pole=pole,
+        predicted=complex(among[np.nanargmin(np.abs(among - pole))]),
+    )
 
 
 def _arm(
     machine: Machine, q: ArrayLike, loops: LoopPlant, controller: Controller
 ) -> _ControlledArm:
     """The arm at rest at a pose, with its filters settled."""
-    plant = Plant(without_dry_friction(settled(controllable(machine, stated=False), q)))
+    plant = Plant(_sealed(without_dry_friction(settled(controllable(machine, stated=False), q))))
     start = find_equilibrium(plant, q).state
     load = loops.load @ start[: plant.size - 2 * plant.nc]
     target = np.asarray(q, dtype=float).reshape(-1)
     valves = SymmetricValve.all(plant, start)
     return _ControlledArm(plant, loops, controller, valves, target, np.concatenate([start, load]))
+
+
+def _sealed(machine: Machine) -> Machine:
+    """The machine without leaks that count as none at rest, see ``Valve.leaks``."""
+
+    def tight(actuator: F) -> F:
+        valve = actuator.valve
+        if valve is None or valve.leaks:
+            return actuator
+        return replace(actuator, valve=replace(valve, leakage=0.0, tank_leakage=0.0))
+
+    cylinders, motors = map(tight, machine.cylinders), map(tight, machine.motors)
+    return replace(machine, cylinders=tuple(cylinders), motors=tuple(motors))
 
 
 def _mode(

@@ -61,6 +61,7 @@ def one_mass(omega: float, ratio: float, valve: float = 1e4, delay: float = 0.0)
         damping=ratio * one,
         valve_omega=valve * one[0],
         valve_damping=one[0],
+        sides=np.ones((1, 1, 2)),
         delay=delay,
     )
 

@@ -46,6 +46,7 @@ def test_margins_hold_and_pressure_feedback_pays(bandwidths: ad.BandwidthMap) ->
     assert (frame["own_hz"] >= frame["damped_hz"]).all()
     assert (frame["merritt_hz"] > frame["proportional_hz"]).all()
     assert (frame["own_critical"] > 1.5).all()
+    assert (frame["own_damping"] > 0.01).all()  # none rings more than with its valves shut, halved
     np.testing.assert_allclose(frame["merritt_hz"], 0.04 * frame["f1_hz"])
 
 

@@ -25,7 +25,7 @@ def test_it_writes_bandwidths_gains_and_picture(
         "report.json",
     }
     table = pd.read_csv(tmp_path / "gains.csv")
-    columns = {"lift_boom", "payload", "f1_hz", "damping", "critical_gain_per_s"}
+    columns = {"lift_boom", "payload", "f1_hz", "damping", "critical_gain_per_s", "closed_damping"}
     assert columns < set(table.columns) | {"lift_boom", table.columns[0]}
     assert set(table["filter"]) == {"high-pass"}
     assert (table.filter(like="_gain_per_s") > 0).all().all()

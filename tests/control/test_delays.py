@@ -13,13 +13,14 @@ from scipy.linalg import expm
 
 import armdesign as ad
 from armdesign.control.controller import Controller, closed_loop, pade_delay
+from armdesign.control.critical_gain import critical_factor
 from armdesign.control.loop_plant import LoopPlant, loop_plant, workable
 from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.own_bandwidths import Schemes
 from armdesign.control.settling import settling_time, tracking_error
 from armdesign.control.stability import stable
-from armdesign.control.tuning import Task, critical_factor, damped, proportional
+from armdesign.control.tuning import Task, damped, proportional
 from armdesign.frequency.modes import natural_modes
 from tests.control.machines import one_mass
 

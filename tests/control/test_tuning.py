@@ -16,7 +16,7 @@ from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import FINE, Loops
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.stability import stability, stable
-from armdesign.control.tuning import Aim, Task, best_of, critical_factor, damped, proportional
+from armdesign.control.tuning import Aim, Task, best_of, damped, proportional
 from tests.control.machines import many_plants, one_mass, worst_plant
 
 MARGIN = 2 * math.tan(math.pi / 8)  # 45 deg
@@ -100,18 +100,6 @@ def test_gains_keep_the_margin_and_larger_ones_do_not() -> None:
         corner=plant.omega,
     )
     assert (fine.figures(larger).margin < MARGIN).mean() > 0.9
-
-
-def test_critical_factor_is_where_poles_cross() -> None:
-    """K = 2ζω of one mass (Merritt)."""
-    omega, ratio = 5.0, 0.05
-    plant = one_mass(omega, ratio)
-    controller = Controller(
-        position=np.full((1, 1), 0.1), pressure=np.zeros((1, 1)), corner=np.ones(1)
-    )
-    assert critical_factor(plant, controller)[0] == pytest.approx(
-        2 * ratio * omega / 0.1, rel=0.02
-    )
 
 
 def test_a_margin_that_no_gain_reaches_leaves_no_gains() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -189,8 +191,17 @@ def test_machines_whose_linkage_opens_are_one_line() -> None:
     """Bars and pins far from where they are drawn: stiffness is infinite in some, no number."""
     wide = toleranced("excavator_20t", "bar_mm = 300\npin_mm = 100")
     workspace = ad.Workspace.grid(wide, points=3)
-    with pytest.raises(ad.ArmDesignError, match="of the machines cannot take the worst pose"):
-        ad.tolerances(wide, workspace, count=4096)
+    with pytest.raises(ad.ArmDesignError, match="of the machines cannot take the worst") as caught:
+        ad.tolerances(wide, workspace, count=1024)
+    named = re.search(r"they can: pin_mm = (\S+), bar_mm = (\S+)$", str(caught.value))
+    assert named
+    pin, bar = map(float, named.groups())
+    assert bar / 300 == pytest.approx(pin / 100, rel=0.01)
+    widths = (f"bar_mm = {share * bar}\npin_mm = {share * pin}" for share in (1.0, 1.03))
+    working, failing = (toleranced("excavator_20t", each) for each in widths)
+    assert len(ad.tolerances(working, workspace, count=1024).values) == 1024
+    with pytest.raises(ad.ArmDesignError, match="cannot take the worst pose"):
+        ad.tolerances(failing, workspace, count=1024)
 
 
 @pytest.mark.parametrize(("widths", "words"), BAD)
