@@ -20,6 +20,8 @@ import numpy as np
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.machine.machine import Machine
+from armdesign.simulation.controlled_plant import ControlledPlant
+from armdesign.simulation.dormand_prince import Steps
 from armdesign.simulation.plant.plant import Plant
 
 FACTORISATIONS = ("cholesky", "eigh", "eigvalsh")
@@ -48,12 +50,19 @@ def counting() -> Iterator[Counter[str]]:
         counts["factorisations"] += answer.iterations
         return answer
 
-    original_solver = clarabel.DefaultSolver
+    def stepped(plant: ControlledPlant, most: int, steps: Steps) -> tuple[int, int]:
+        taken, halted = original_steps(plant, most, steps)
+        counts["right_hand_sides"] += 6 * taken * len(plant.start)
+        return taken, halted
+
+    original_solver, original_steps = clarabel.DefaultSolver, ControlledPlant.take_steps
     patches = [
         counted(Machine, "evaluate", "poses", lambda _, rigid: len(rigid)),
         counted(Dynamics, "_of_rows", "rows", _rows),
         counted(CylinderTerm, "upper", "cells", lambda _, low, high: len(low)),
         counted(Plant, "evaluate", "right_hand_sides", lambda _, state, command: len(state)),
+        counted(ControlledPlant, "rates", "right_hand_sides", lambda _, time, state: len(state)),
+        mock.patch.object(ControlledPlant, "take_steps", stepped),
         mock.patch.object(clarabel, "DefaultSolver", solver),
         *(counted(np.linalg, name, "factorisations", _matrices) for name in FACTORISATIONS),
     ]
