@@ -50,19 +50,14 @@ def counting() -> Iterator[Counter[str]]:
         counts["factorisations"] += answer.iterations
         return answer
 
-    def stepped(plant: ControlledPlant, most: int, steps: Steps) -> tuple[int, int]:
-        taken, halted = original_steps(plant, most, steps)
-        counts["right_hand_sides"] += 6 * taken * len(plant.start)
-        return taken, halted
-
-    original_solver, original_steps = clarabel.DefaultSolver, ControlledPlant.take_steps
+    original_solver = clarabel.DefaultSolver
     patches = [
         counted(Machine, "evaluate", "poses", lambda _, rigid: len(rigid)),
         counted(Dynamics, "_of_rows", "rows", _rows),
         counted(CylinderTerm, "upper", "cells", lambda _, low, high: len(low)),
         counted(Plant, "evaluate", "right_hand_sides", lambda _, state, command: len(state)),
         counted(ControlledPlant, "rates", "right_hand_sides", lambda _, time, state: len(state)),
-        mock.patch.object(ControlledPlant, "take_steps", stepped),
+        _counting_steps(counts),
         mock.patch.object(clarabel, "DefaultSolver", solver),
         *(counted(np.linalg, name, "factorisations", _matrices) for name in FACTORISATIONS),
     ]
@@ -73,6 +68,18 @@ def counting() -> Iterator[Counter[str]]:
     finally:
         for patch in patches:
             patch.stop()
+
+
+def _counting_steps(counts: Counter[str]) -> Any:
+    """Counts the right-hand sides of compiled steps: six of each case and step."""
+    original = ControlledPlant.take_steps
+
+    def counted(plant: ControlledPlant, most: int, steps: Steps) -> tuple[int, int]:
+        taken, halted = original(plant, most, steps)
+        counts["right_hand_sides"] += 6 * taken * len(plant.start)
+        return taken, halted
+
+    return mock.patch.object(ControlledPlant, "take_steps", counted)
 
 
 def _rows(dynamics: Dynamics, x: Any, rows: Any) -> int:

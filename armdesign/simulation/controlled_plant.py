@@ -165,7 +165,9 @@ class ControlledPlant:
             pairs = zip(demands, time.tolist(), strict=True)
             spools = np.array([demand(t) for demand, t in pairs], dtype=float)
             if spools.shape != (len(time), self.plant.nc):
-                raise ValueError(f"commands {spools.shape}: not {(len(time), self.plant.nc)}")
+                fault = f"gives {spools.shape[-1]} numbers at {time[0]:g} s"
+                remedy = f"give {self.plant.nc} at all times"
+                raise SimulationError(f"{self.plant.machine.name}: command", fault, remedy)
             return spools
         time, spools = np.array(time, dtype=float), np.zeros((len(time), self.plant.nc))
         self._run(write_sweeps, time, self.sweeps, spools)
