@@ -86,7 +86,9 @@ def side_by_side(values: Iterable[Any]) -> Array:
     Each of the k values is one number, or one for each of n rows.
     """
     columns = list(values)
-    return np.stack(np.broadcast_arrays(*columns), axis=-1) if columns else np.zeros(0)
+    if any(isinstance(column, np.ndarray) for column in columns):
+        return np.stack(np.broadcast_arrays(*columns), axis=-1)
+    return np.array(columns) if columns else np.zeros(0)
 
 
 def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array) -> Array:

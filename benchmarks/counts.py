@@ -20,6 +20,8 @@ import numpy as np
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.machine.machine import Machine
+from armdesign.simulation.controlled_plant import ControlledPlant
+from armdesign.simulation.dormand_prince import Steps
 from armdesign.simulation.plant.plant import Plant
 
 FACTORISATIONS = ("cholesky", "eigh", "eigvalsh")
@@ -54,6 +56,8 @@ def counting() -> Iterator[Counter[str]]:
         counted(Dynamics, "_of_rows", "rows", _rows),
         counted(CylinderTerm, "upper", "cells", lambda _, low, high: len(low)),
         counted(Plant, "evaluate", "right_hand_sides", lambda _, state, command: len(state)),
+        counted(ControlledPlant, "rates", "right_hand_sides", lambda _, time, state: len(state)),
+        _counting_steps(counts),
         mock.patch.object(clarabel, "DefaultSolver", solver),
         *(counted(np.linalg, name, "factorisations", _matrices) for name in FACTORISATIONS),
     ]
@@ -64,6 +68,18 @@ def counting() -> Iterator[Counter[str]]:
     finally:
         for patch in patches:
             patch.stop()
+
+
+def _counting_steps(counts: Counter[str]) -> Any:
+    """Counts the right-hand sides of compiled steps: six of each case and step."""
+    original = ControlledPlant.take_steps
+
+    def counted(plant: ControlledPlant, most: int, steps: Steps) -> tuple[int, int]:
+        taken, halted = original(plant, most, steps)
+        counts["right_hand_sides"] += 6 * taken * len(plant.start)
+        return taken, halted
+
+    return mock.patch.object(ControlledPlant, "take_steps", counted)
 
 
 def _rows(dynamics: Dynamics, x: Any, rows: Any) -> int:

@@ -1,8 +1,8 @@
 """The arm: rigid links and joints of a URDF. The only door to Pinocchio.
 
 The URDF has been reduced to the joints that are coordinates (``urdf.py``), so nq = nv = n.
-Pinocchio gives inertia, gravity and its derivative pose by pose; placements are batched numpy
-(axis 0 = pose).
+Pinocchio says what each joint moves; placements, inertia and gravity (``composite_bodies``) are
+batched numpy (axis 0 = pose).
 
 The world is the frame of the URDF's root link: z up, gravity along −z.
 """
@@ -20,6 +20,7 @@ import numpy as np
 
 from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
+from armdesign.mechanism.composite_bodies import Bodies, inertia_and_gravity, model_indices
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf import read_urdf, turned
@@ -327,57 +328,44 @@ class Arm:
         forward = x[0] * y[1] - x[1] * y[0]  # of x, along the level direction square to y
         return np.arctan2(x[2], forward)
 
-    # ----------------------------------------------------------------------------------- Pinocchio
+    # ------------------------------------------------------------------------------ rigid bodies
 
     @property
     def model_order(self) -> Array:
         """Index of each coordinate in Pinocchio's model (k,)."""
-        return self._pinocchio[2]
+        at = model_indices(self._model, self.coordinates)
+        return np.array([self._model.joints[index].idx_v for index in at])
 
     @cached_property
-    def _pinocchio(self) -> tuple[Any, Any, Array]:
-        """Model, scratch data, and the index of each coordinate in the model."""
+    def _model(self) -> Any:
+        """Pinocchio's model."""
         with undisturbed():
             import pinocchio
 
         try:
-            model = pinocchio.buildModelFromXML(self.xml)
+            return pinocchio.buildModelFromXML(self.xml)
         except ValueError as error:
             fault = f"Pinocchio refuses it ({error})"
             raise MachineFileError(self.source, fault, "check it with check_urdf") from None
-        names = list(model.names)[1:]  # the first is the world
-        order = [1 + names.index(joint.name) for joint in self.coordinates]
-        index = np.array([model.joints[at].idx_v for at in order])
-        return model, model.createData(), index
+
+    @cached_property
+    def _bodies(self) -> Bodies:
+        """What each joint moves before the next."""
+        return Bodies.of(self._model, self.coordinates)
 
     def rigid_poses(self, q: Array) -> RigidPoses:
         """Inertia, gravity, its derivative and placements of the bare links at q (n, nq)."""
         return stacked((self._rigid_poses(q[rows]) for rows in chunks(len(q))), len(q))
 
     def _rigid_poses(self, q: Array) -> RigidPoses:
-        model, data, index = self._pinocchio
-        import pinocchio
-
-        n, k = len(q), len(index)
-        mass, gravity, stiffness = np.empty((n, k, k)), np.empty((n, k)), np.empty((n, k, k))
-        ordered = np.empty((n, k))
-        ordered[:, index] = self.with_springs(q)
-        for row, at in enumerate(ordered):
-            mass[row] = pinocchio.crba(model, data, at)
-            stiffness[row] = pinocchio.computeGeneralizedGravityDerivatives(model, data, at)
-            gravity[row] = data.g  # a by-product of its derivative
-        # crba fills the upper triangle only
-        mass = np.triu(mass) + np.swapaxes(np.triu(mass, 1), 1, 2)
-        pick = np.ix_(np.arange(n), index, index)
-        return RigidPoses(q, mass[pick], gravity[:, index], stiffness[pick], *self.placements(q))
+        placements = self.placements(q)
+        terms = inertia_and_gravity(self._bodies, self.coordinates, self._chains, placements)
+        return RigidPoses(q, *terms, *placements)
 
     def bodies(self, poses: RigidPoses) -> tuple[Array, Array]:
         """Mass (k,) [kg] that each joint moves before the next, and its centre (n, k, 3) [m]."""
-        model, _, _ = self._pinocchio
-        bodies = [model.inertias[model.getJointId(joint.name)] for joint in self.coordinates]
-        lever = np.array([body.lever for body in bodies])
-        centre = poses.translation + (poses.rotation @ lever[:, :, None])[..., 0]
-        return np.array([body.mass for body in bodies]), centre
+        lever = self._bodies.centre[:, :, None]
+        return self._bodies.mass, poses.translation + (poses.rotation @ lever)[..., 0]
 
     @cached_property
     def bodies_apart(self) -> list[Arm]:
@@ -385,16 +373,10 @@ class Arm:
 
         M, g and ∂g/∂q are linear in masses and inertias: the arm's are their sums.
         """
-        model, _, index = self._pinocchio
-        import pinocchio
-
         arms = []
-        for joint in self.coordinates:
-            own, twin = pinocchio.Model(model), copy.copy(self)
-            for at in range(len(own.inertias)):
-                if at != model.getJointId(joint.name):
-                    own.inertias[at] = pinocchio.Inertia.Zero()
-            twin._pinocchio = own, own.createData(), index
+        for joint in range(len(self.coordinates)):
+            twin = copy.copy(self)
+            twin._bodies = self._bodies.alone(joint)
             arms.append(twin)
         return arms
 
@@ -439,11 +421,11 @@ class LoadedArm:
         """Pinocchio's model of the links with the point mass; the bars are not in it."""
         import pinocchio
 
-        model = pinocchio.Model(self.arm._pinocchio[0])
+        model = pinocchio.Model(self.arm._model)
         body = self.arm.links[self.link] if self.link is not None else None
         if body is not None and body.joint >= 0 and self.mass > 0:
             lever = body.translation + body.rotation @ np.array(self.at)
             inertia = pinocchio.Inertia(self.mass, lever, np.zeros((3, 3)))
-            joint = model.getJointId(self.arm.coordinates[body.joint].name)
-            model.appendBodyToJoint(joint, inertia, pinocchio.SE3.Identity())
+            index = model_indices(model, self.arm.coordinates)[body.joint]
+            model.appendBodyToJoint(index, inertia, pinocchio.SE3.Identity())
         return model

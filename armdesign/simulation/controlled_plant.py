@@ -7,22 +7,43 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, choose
 from armdesign.hydraulics.valve import opening, spool_position
-from armdesign.simulation.excitation import SymmetricValve, sweeps_of, write_sweeps
+from armdesign.simulation.dormand_prince import Steps, begin_steps, finish_steps, place_stage
+from armdesign.simulation.excitation import SWEEP, SymmetricValve, sweeps_of, write_sweeps
 from armdesign.simulation.integrator import Breaks
-from armdesign.simulation.plant.compiled import Records, compiled, resolved
-from armdesign.simulation.plant.plant import Plant
+from armdesign.simulation.plant.compiled import Records, borrowing, new_records, resolved
+from armdesign.simulation.plant.hydraulics import OUTPUT
+from armdesign.simulation.plant.plant import (
+    Layout,
+    Parameters,
+    Plant,
+    PlantInstant,
+    Scratch,
+    evaluate_cases,
+)
 
 Command: TypeAlias = Callable[[float], Sequence[float]]
 ByName: TypeAlias = Mapping[str, Callable[[float], float]]
 
 ENERGY = 1e5  # [J] unit of energy in the state: bar × m³
+
+
+class Cases(NamedTuple):
+    """Everything that compiled functions need of n cases."""
+
+    equations: tuple[Parameters, Layout, Scratch]  # of the plant
+    gains: Array  # of the slow loop (n, nc)
+    places: Array  # that it holds (n, nc)
+    corners: Array  # of its low-passes (n, 1)
+    sweeps: Records  # commands (n,); none: they are not compiled
+    commands: Array  # of the spools (n, nc), to be written
+    outputs: tuple[Records, Array, Array]  # of ``PlantInstant``, to be written
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,44 +121,54 @@ class ControlledPlant:
         )
 
     @cached_property
-    def _corrects(self) -> bool:
-        return bool(self.gains.any())
-
-    @cached_property
-    def _kernels(self) -> dict[str, Callable[..., None]]:
+    def _kernels(self) -> dict[str, Callable[..., Any]]:
         """Compiled functions by name, each for the types that all its calls here have."""
         return {}
 
-    def _run(self, kernel: Callable[..., None], *arguments: object) -> None:
+    def _run(self, kernel: Callable[..., Any], *arguments: object) -> Any:
         """Call a compiled function, whose types are looked at once."""
         name = kernel.__name__
         if name not in self._kernels:
             self._kernels[name] = resolved(kernel, *arguments)
-        self._kernels[name](*arguments)
+        return self._kernels[name](*arguments)
 
-    def commands(self, demand: Array, state: Array) -> Array:
-        """Spool commands (n, nc): the demands, with the loop's correction of the opening.
+    def _cases(self, count: int) -> Cases:
+        """Everything that compiled functions need, with room for ``count`` cases."""
+        plant, sweeps, n = self.plant, self.sweeps, (count, self.plant.nc)
+        return Cases(
+            equations=(plant.parameters, plant.layout, plant.scratch),
+            gains=self.gains,
+            places=self.places,
+            corners=self.corners,
+            sweeps=new_records(0, SWEEP) if sweeps is None else sweeps,
+            commands=np.empty(n),
+            outputs=(np.empty(n, OUTPUT), np.empty((count, 3)), np.empty(count)),
+        )
 
-        Args:
-            demand: (n, nc).
-            state: (n, size), without gaps in memory.
-        """
-        if not self._corrects:
-            return demand
-        corrected, actuators = np.empty(demand.shape), self.plant.parameters.actuators
-        self._run(_correct, demand, state, self.gains, actuators, corrected)
-        return corrected
+    @cached_property
+    def _all_cases(self) -> Cases:
+        """As ``_cases``, of all cases."""
+        return self._cases(len(self.start))
 
     def commands_at(self, time: Array, states: Array) -> Array:
-        """Spool commands (m, nc) of one case at its instants (m,) [s] and states there."""
-        demands = self._demands(time, self.demands * len(time))
-        return self.commands(demands, np.ascontiguousarray(states))
+        """Spool commands (m, nc) of one case at its instants (m,) [s] and states there.
+
+        They are the demands, with the loop's correction of the opening.
+        """
+        demands, cases = self._demands(time, self.demands * len(time)), self._cases(len(time))
+        self._run(_correct, demands, np.ascontiguousarray(states), cases)
+        return cases.commands
 
     def _demands(self, time: Array, demands: Sequence[Command]) -> Array:
         """Spool commands (n, nc) at times (n,) [s], one of each function."""
         if self.sweeps is None:
             pairs = zip(demands, time.tolist(), strict=True)
-            return np.array([demand(t) for demand, t in pairs], dtype=float)
+            spools = np.array([demand(t) for demand, t in pairs], dtype=float)
+            if spools.shape != (len(time), self.plant.nc):
+                fault = f"gives {spools.shape[-1]} numbers at {time[0]:g} s"
+                remedy = f"give {self.plant.nc} at all times"
+                raise SimulationError(f"{self.plant.machine.name}: command", fault, remedy)
+            return spools
         time, spools = np.array(time, dtype=float), np.zeros((len(time), self.plant.nc))
         self._run(write_sweeps, time, self.sweeps, spools)
         return spools
@@ -145,12 +176,26 @@ class ControlledPlant:
     def rates(self, time: Array, state: Array) -> Array:
         """Rates of the plants' states, of the loop's two low-passes and of the energies."""
         state = np.ascontiguousarray(state, dtype=float)
-        command = self.commands(self._demands(time, self.demands), state)
-        evaluation = self.plant.evaluate(state, command)
-        rates, outputs, powers, _ = evaluation
-        loop = self.gains, self.places, self.corners
-        self._run(_follow, state, *loop, outputs, powers, rates)
+        if state.shape != self.start.shape:
+            raise ValueError(f"states {state.shape}: not {self.start.shape}")
+        rates = np.empty_like(state)
+        demands = self._demands(time, self.demands)
+        self._run(_write_rates, state, demands, self._all_cases, rates)
         return rates
+
+    def take_steps(self, most: int, steps: Steps) -> tuple[int, int]:
+        """Take steps, at most so many, until a case has halted: how many, and cases halted.
+
+        Commands that are not compiled allow one at a time.
+        """
+        if self.sweeps is None:
+            self._run(begin_steps, steps)
+            demands = np.array([self._demands(time, self.demands) for time in steps.stages.at])
+            most = 1
+        else:
+            demands = np.zeros((6, len(self.start), self.plant.nc))
+        taken, halted = self._run(_take_steps, most, steps, demands, self._all_cases)
+        return taken, halted
 
     def energies(self, states: Array) -> Array:
         """Energy [J] supplied, put into oil and dissipated (3, m) since the start of one case."""
@@ -223,12 +268,39 @@ def _refuse_no_function(given: object, part: str) -> None:
         raise SimulationError(part, fault, "give one, like lambda t: 0.1")
 
 
-@compiled
-def _correct(
-    demand: Array, state: Array, gains: Array, actuators: Records, corrected: Array
-) -> None:
+@borrowing
+def _take_steps(most: int, steps: Steps, demands: Array, cases: Cases) -> tuple[int, int]:
+    """As ``take_steps``; demands (6, n, nc) of the stages are written where they are sweeps."""
+    stages = steps.stages
+    for taken in range(1, most + 1):
+        begin_steps(steps)
+        for stage in range(6):
+            if len(cases.sweeps) > 0:
+                write_sweeps(stages.at[stage], cases.sweeps, demands[stage])
+            place_stage(stage, steps)
+            _write_rates(stages.ahead, demands[stage], cases, stages.slopes[stage + 1])
+        halted = finish_steps(steps)
+        if halted > 0:
+            return taken, halted
+    return most, 0
+
+
+@borrowing
+def _write_rates(state: Array, demand: Array, cases: Cases, rates: Array) -> None:
+    """Write the rates of all cases at states (n, size), under demands (n, nc)."""
+    outputs, powers, springs = cases.outputs
+    parameters, layout, scratch = cases.equations
+    _correct(demand, state, cases)
+    instant = PlantInstant(rates, outputs, powers, springs)
+    evaluate_cases(state, cases.commands, parameters, layout, scratch, instant)
+    _follow(state, cases, rates)
+
+
+@borrowing
+def _correct(demand: Array, state: Array, cases: Cases) -> None:
     """Write spool positions that open a valve by what the loop adds, with any number of states."""
     n, nc = demand.shape
+    actuators, gains, corrected = cases.equations[0].actuators, cases.gains, cases.commands
     for case in range(n):
         m, row = case if len(actuators) > 1 else 0, case if len(gains) > 1 else 0
         for i in range(nc):
@@ -239,18 +311,12 @@ def _correct(
                 corrected[case, i] = spool_position(actuators[m, i], share)
 
 
-@compiled
-def _follow(
-    state: Array,
-    gains: Array,
-    places: Array,
-    corners: Array,
-    outputs: Records,
-    powers: Array,
-    rates: Array,
-) -> None:
+@borrowing
+def _follow(state: Array, cases: Cases, rates: Array) -> None:
     """Write the rates of both low-passes and of the energies."""
-    n, nc = gains.shape
+    n, nc = cases.gains.shape
+    gains, places, corners = cases.gains, cases.places, cases.corners
+    outputs, powers, _ = cases.outputs
     second = state.shape[1] - nc - 3
     first = second - nc
     for case in range(n):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.simulation.plant.compiled import borrowing
 
 INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
@@ -66,16 +66,27 @@ class Tableau(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """Scratch of a step: slopes (7, n, m), state ahead (n, m) and its time (n,) [s]."""
+    """Scratch of a step of n cases, whose slopes at its beginning are the first ones."""
 
-    slopes: Array
-    ahead: Array
-    at: Array
+    slopes: Array  # K (7, n, m)
+    ahead: Array  # state of the stage at work (n, m)
+    at: Array  # instants of the stages after the first (6, n) [s]
 
     @classmethod
     def like(cls, state: Array) -> Stages:
         """Scratch for states (n, m)."""
-        return cls(np.empty((7, *state.shape)), np.empty_like(state), np.empty(len(state)))
+        n = len(state)
+        return cls(np.empty((7, *state.shape)), np.empty_like(state), np.empty((6, n)))
+
+
+class Steps(NamedTuple):
+    """Everything that steps read and write."""
+
+    tableau: Tableau
+    rows: Running
+    stages: Stages
+    records: Records
+    tolerance: float  # of a step's error, relative and absolute
 
 
 class Records(NamedTuple):
@@ -117,42 +128,52 @@ class Records(NamedTuple):
             self.states[done + 1 : passed + 1], self.done[case] = between(instants).T, passed
 
 
-@compiled
-def place_stage(stage: int, tableau: Tableau, rows: Running, stages: Stages) -> None:
-    """Write y + h Σ_k a_k K_k of every case, and its time t + c h within its stretch."""
+@borrowing
+def begin_steps(steps: Steps) -> None:
+    """Write the first slopes, and the instants t + c h of the stages, within their stretches."""
+    rows, stages = steps.rows, steps.stages
     n, m = rows.state.shape
     for case in range(n):
-        time = rows.time[case] + tableau.nodes[stage - 1] * rows.step[case]
-        stages.at[case] = min(max(time, rows.low[case]), rows.high[case])
+        for stage in range(6):
+            time = rows.time[case] + steps.tableau.nodes[stage] * rows.step[case]
+            stages.at[stage, case] = min(max(time, rows.low[case]), rows.high[case])
+        for i in range(m):
+            stages.slopes[0, case, i] = rows.slope[case, i]
+
+
+@borrowing
+def place_stage(stage: int, steps: Steps) -> None:
+    """Write y + h Σ_k a_k K_k of every case, the state of a stage 0…5 after the first."""
+    tableau, rows, stages = steps.tableau, steps.rows, steps.stages
+    n, m = rows.state.shape
+    for case in range(n):
         for i in range(m):
             change = 0.0
-            for k in range(stage):
-                change += tableau.weights[stage - 1, k] * stages.slopes[k, case, i]
+            for k in range(stage + 1):
+                change += tableau.weights[stage, k] * stages.slopes[k, case, i]
             stages.ahead[case, i] = rows.state[case, i] + rows.step[case] * change
 
 
-@compiled
-def finish_steps(
-    tableau: Tableau, rows: Running, stages: Stages, records: Records, tolerance: float
-) -> int:
+@borrowing
+def finish_steps(steps: Steps) -> int:
     """Take or refuse the step of every case by its error, and choose the size of the next one.
 
     A step as short as an instant is taken whatever its error, as the rates jump within; ``jumps``
     counts how many such were taken on end. Returns how many cases have halted: they have come to
     their stop, or are stuck.
     """
-    halted = 0
+    rows, halted = steps.rows, 0
     for row in range(len(rows.step)):
         h = rows.step[row]
         if h == 0.0:
             continue
-        norm = _error_norm(row, tableau, rows, stages) / tolerance
+        norm = _error_norm(row, steps) / steps.tolerance
         finite, instant = math.isfinite(norm), INSTANT * max(rows.time[row], 1.0)
         jumping = norm >= 1 and finite and h <= 2 * instant
         rows.jumps[row] = rows.jumps[row] + 1 if jumping else 0
         taken = norm < 1 or 0 < rows.jumps[row] <= MOST_JUMPS
         if taken:
-            _take_step(row, tableau, rows, stages, records)
+            _take_step(row, steps)
         factor = SHRINK
         if finite:
             factor = min(max(SAFETY * max(norm, 1e-10) ** -0.2, SHRINK), GROW)
@@ -167,9 +188,10 @@ def finish_steps(
     return halted
 
 
-@compiled
-def _error_norm(row: int, tableau: Tableau, rows: Running, stages: Stages) -> float:
+@borrowing
+def _error_norm(row: int, steps: Steps) -> float:
     """Root mean square of a step's error, relative and absolute."""
+    tableau, rows, stages = steps.tableau, steps.rows, steps.stages
     total, m = 0.0, rows.state.shape[1]
     for i in range(m):
         error = 0.0
@@ -180,11 +202,10 @@ def _error_norm(row: int, tableau: Tableau, rows: Running, stages: Stages) -> fl
     return math.sqrt(total / m)
 
 
-@compiled
-def _take_step(
-    row: int, tableau: Tableau, rows: Running, stages: Stages, records: Records
-) -> None:
+@borrowing
+def _take_step(row: int, steps: Steps) -> None:
     """Move a case ahead, and record what lies within: y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j."""
+    tableau, rows, stages, records = steps.tableau, steps.rows, steps.stages, steps.records
     begin, h, case = rows.time[row], rows.step[row], rows.case[row]
     reached = rows.stop[row] - (begin + h) < 1e-14 * rows.stop[row]
     rows.time[row] = rows.stop[row] if reached else begin + h

@@ -24,8 +24,8 @@ from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import (
     Record,
     Records,
+    borrowing,
     callable_within,
-    compiled,
     new_records,
 )
 from armdesign.simulation.plant.plant import Plant
@@ -242,7 +242,7 @@ def sweeps_of(commands: Sequence[object], machines: Sequence[Machine]) -> Record
     return records
 
 
-@compiled
+@borrowing
 def write_sweeps(time: Array, sweeps: Records, spools: Array) -> None:
     """Write the spool commands (n, nc) of ``SymmetricCommand`` at times (n,) [s]."""
     for case in range(len(time)):

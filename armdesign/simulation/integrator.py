@@ -19,7 +19,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -30,7 +31,9 @@ from armdesign.simulation.dormand_prince import (
     Records,
     Running,
     Stages,
+    Steps,
     Tableau,
+    begin_steps,
     finish_steps,
     place_stage,
 )
@@ -103,6 +106,14 @@ class System(Protocol):
         """The system of some of the cases."""
 
 
+@runtime_checkable
+class Stepping(Protocol):
+    """A system that takes steps itself, compiled."""
+
+    def take_steps(self, most: int, steps: Steps) -> tuple[int, int]:
+        """Take steps, at most so many, until a case has halted: how many, and cases halted."""
+
+
 class Span(NamedTuple):
     """Durations of the cases (n,) [s], and the numbers of intervals between their records (n,)."""
 
@@ -160,8 +171,11 @@ def integrate(
     # what is not finite is a step too far, and taken back
     with np.errstate(all="ignore"), rounds("run", len(start)) as finished:
         stepper.begin(range(len(start)))
-        for number in range(1, most_steps + 1):
-            halted = stepper.advance()
+        number = 0
+        while number < most_steps:
+            left = min(WINDOW - number % WINDOW, most_steps - number)
+            taken, halted = stepper.advance(left)
+            number += taken
             if number % WINDOW == 0:
                 stepper.finish_stiff(7 * most_steps)
                 finished(len(start) - len(stepper.under_way()))
@@ -221,9 +235,6 @@ class _Stepper:
         )
         self._evaluations = Counter[int]()
         self._tableau, self._stages = Tableau.of_scipy(), Stages.like(start)
-        types = self._tableau, self.rows, self._stages
-        self._place_stage = resolved(place_stage, 1, *types)
-        self._finish_steps = resolved(finish_steps, *types, self.records, self.tolerance)
 
     def begin(self, rows: Sequence[int]) -> None:
         """Let some rows enter their next stretch; with short steps if their rates jump."""
@@ -238,17 +249,42 @@ class _Stepper:
             at.slope[row] = slope[row]
             at.step[row] = min(at.size[row], at.stop[row] - at.time[row])
 
-    def advance(self) -> bool:
-        """One step of every case, taken or refused; whether one has halted."""
-        stages = self._stages
-        stages.slopes[0] = self.rows.slope
-        for stage in range(1, 7):
-            self._place_stage(stage, self._tableau, self.rows, stages)
-            stages.slopes[stage] = self.system.rates(stages.at, stages.ahead)
-        halted = self._finish_steps(self._tableau, self.rows, stages, self.records, self.tolerance)
+    @cached_property
+    def _kernels(self) -> tuple[Callable[..., Any], ...]:
+        """Compiled parts of a step, for the types that all calls here have."""
+        steps = self._steps
+        return (
+            resolved(begin_steps, steps),
+            resolved(place_stage, 0, steps),
+            resolved(finish_steps, steps),
+        )
+
+    @property
+    def _steps(self) -> Steps:
+        return Steps(self._tableau, self.rows, self._stages, self.records, self.tolerance)
+
+    def advance(self, most: int) -> tuple[int, bool]:
+        """Steps of every case, each taken or refused, until one halts: how many, whether one has.
+
+        At most so many; a system that does not take steps itself takes one.
+        """
+        if isinstance(self.system, Stepping):
+            taken, halted = self.system.take_steps(most, self._steps)
+        else:
+            taken, halted = 1, self._take_one(self._steps)
         if halted:
             self._go_on()
-        return bool(halted)
+        return taken, bool(halted)
+
+    def _take_one(self, steps: Steps) -> int:
+        """One step of every case, by rates that are not compiled: how many have halted."""
+        begin, place, finish = self._kernels
+        begin(steps)
+        for stage, at in enumerate(steps.stages.at):
+            place(stage, steps)
+            steps.stages.slopes[stage + 1] = self.system.rates(at, steps.stages.ahead)
+        halted: int = finish(steps)
+        return halted
 
     def _go_on(self) -> None:
         """Let cases at a breakpoint enter their next stretch, and end those that are stuck."""

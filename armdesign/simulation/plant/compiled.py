@@ -70,7 +70,7 @@ def borrowing(function: F) -> F:
 
 def _compiled(function: F, *, counts: bool) -> F:
     njit: Any = numba.njit  # its types lack the switch of reference counts, which is not public
-    dispatcher = njit(error_model="numpy", _nrt=counts)(function)
+    dispatcher = njit(error_model="numpy", _nrt=counts, no_cfunc_wrapper=True)(function)
     if hasattr(dispatcher, "compile"):  # numba is not switched off
         module, name = function.__module__.rpartition(".")[2], cast(Any, function).__qualname__
         dispatcher._cache = _Kept(f"{module}.{name}")

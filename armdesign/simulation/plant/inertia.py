@@ -1,7 +1,7 @@
 """Inertia, compiled: M and h of links, payload and bars at one pose, and the accelerations.
 
 A rigid body is its mass m at the centre C and second moments σ = ∫ x² dm along its principal
-directions e, with its inertia I about C: σ = ½ tr I − eᵀ I e. So with the slopes by the joints
+directions e. So with the slopes by the joints
 
     M = Σ m ∂C/∂q ∂C/∂qᵀ + Σ σ ∂e/∂q ∂e/∂qᵀ,    h = Σ m ∂C/∂q · (c̈ + g) + Σ σ ∂e/∂q · ë,
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.mechanism.arm import LoadedArm
+from armdesign.mechanism.composite_bodies import Bodies
 from armdesign.simulation.plant.compiled import Record, Records, borrowing, compiled, new_records
 from armdesign.simulation.plant.kinematics import (
     BARREL,
@@ -63,13 +64,12 @@ def new_inertia(nq: int) -> Inertia:
 
 def bodies_of(loaded: LoadedArm) -> Records:
     """Bodies (nq,) of links and payload, those behind springs last, as records ``BODY``."""
-    model, joints = loaded.model(), loaded.arm.coordinates
-    records = new_records(len(joints), BODY)
-    for row, joint in zip(records, joints, strict=True):
-        body = model.inertias[model.getJointId(joint.name)]
-        moments, along = np.linalg.eigh(0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia)
+    bodies = Bodies.of(loaded.model(), loaded.arm.coordinates)
+    records = new_records(len(bodies.mass), BODY)
+    for row, mass, centre, second_moments in zip(records, *bodies, strict=True):
+        moments, along = np.linalg.eigh(second_moments)
         moments[np.abs(moments) <= ROUNDING * moments.max()] = 0.0
-        row["vectors"], row["weights"] = [*along.T, body.lever], [*moments, body.mass]
+        row["vectors"], row["weights"] = [*along.T, centre], [*moments, mass]
     return records
 
 

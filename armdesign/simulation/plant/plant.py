@@ -136,13 +136,13 @@ class Plant:
         )
         self.nq, self.nc = nq, nc = len(self.machine.arm.coordinates), len(self.machine.actuators)
         self.has_line = self.machine.supply.flow_limited
-        self._scratch = Scratch(
+        self.scratch = Scratch(
             new_frames(nq), new_pin_motion(nq), new_inertia(nq), np.empty(2 * nc)
         )
         self._kernel: Callable[..., None] | None = None
         edges = np.cumsum([0, nq, nq, nc, nc, int(self.has_line), nc, nc]).tolist()
         self._parts = tuple(slice(begin, end) for begin, end in pairwise(edges))
-        self._layout = Layout(chambers=edges[2], line=edges[4], spools=edges[5], size=edges[7])
+        self.layout = Layout(chambers=edges[2], line=edges[4], spools=edges[5], size=edges[7])
         self._chambers, self.size = slice(edges[2], edges[4]), edges[7]
         self.units = np.ones(self.size)  # SI value of each number of the state
         self.units[edges[2] : edges[5]] = bar
@@ -236,9 +236,9 @@ class Plant:
         evaluation = PlantInstant(
             np.empty_like(state), np.empty((n, self.nc), OUTPUT), np.empty((n, 3)), np.empty(n)
         )
-        arguments = state, command, self.parameters, self._layout, self._scratch, evaluation
+        arguments = state, command, self.parameters, self.layout, self.scratch, evaluation
         if self._kernel is None:
-            self._kernel = resolved(_evaluate, *arguments)
+            self._kernel = resolved(evaluate_cases, *arguments)
         self._kernel(*arguments)
         return evaluation
 
@@ -251,7 +251,7 @@ def stack_shape(machine: Machine) -> Hashable:
 
 
 @borrowing
-def _evaluate(
+def evaluate_cases(
     state: Array,
     command: Array,
     parameters: Parameters,
