@@ -107,8 +107,8 @@ def ratio(label: str, machine: ad.Machine) -> None:
         f" modes {seconds['modes']:.2f} s"
     )
     print(
-        f"ratio                        {times:5.2f}       target ≤ 4      "
-        f" {'ok' if times <= 4 else 'MISSED'}"
+        f"ratio                        {times:5.2f}       target ≤ 2      "
+        f" {'ok' if times <= 2 else 'MISSED'}"
     )
 
 
