@@ -22,7 +22,7 @@ from armdesign.control.stability import stability, stable
 from armdesign.control.uneven_spools import CREEP
 
 MOST_CRITICAL, BISECTIONS = 8.0, 6
-STEPS, SMALL = 12, 1e-6  # of Newton's method, and the frequency's step for its slope
+STEPS, SMALL = 6, 1e-6  # of Newton's method, and the frequency's step for its slope
 NEAR = 0.2  # share by which a crossing may lie off what bisection has found, or it is another
 
 

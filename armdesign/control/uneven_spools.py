@@ -18,6 +18,8 @@ then N is nearer to G.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from armdesign.arrays import Array
@@ -25,45 +27,38 @@ from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import LoopPlant
 
 POINTS = 64  # of a period
-HALVINGS = 30  # of mean demands up to the swing
 CREEP = 1e-3  # [ω_1] what swings slower is drift
 
 
-def passed(plant: LoopPlant, omega: Array, lasting: bool = False) -> Array:
-    """N/G of the valves (n, m, nc) at frequencies of each pose (n, m) [rad/s].
+class Passed(NamedTuple):
+    """What valves pass of demands sin θ + mean."""
+
+    share: Array  # N/G (n, m, nc)
+    speed: Array  # mean speed of the pistons, by the amplitude of the demand (n, m, nc)
+
+
+def passed(plant: LoopPlant, omega: Array, mean: Array | float = 0.0) -> Passed:
+    """What the valves pass at frequencies of each pose (n, m) [rad/s].
 
     Args:
         plant: of n poses.
         omega: frequencies.
-        lasting: whether the pistons' mean speed is 0, as when position loops have answered it;
-            else the swing has just begun.
+        mean: of the demands, by their amplitude (n, m, nc); 0 where a swing has just begun.
     """
     sine = np.sin(2 * np.pi * np.arange(POINTS) / POINTS)
     harmonics = omega[:, :, None] * np.arange(POINTS // 2 + 1)
     lags = np.swapaxes(plant.spool(1j * harmonics), 2, 3)  # (n, m, nc, k)
-    sides = plant.sides[:, None, :, :, None]
-
-    def speeds(mean: Array) -> Array:
-        demand = sine + mean[..., None]
-        command = np.where(demand > 0, sides[:, :, :, 0], sides[:, :, :, 1]) * demand
-        spools = np.fft.irfft(np.fft.rfft(command) * lags, POINTS)
-        return np.asarray(spools / np.where(spools > 0, sides[:, :, :, 0], sides[:, :, :, 1]))
-
-    mean = np.zeros(lags.shape[:3])
-    if lasting:
-        low, high = mean - 1, mean + 1
-        for _ in range(HALVINGS):
-            mean = (low + high) / 2
-            outwards = speeds(mean).mean(axis=-1) > 0
-            low, high = np.where(outwards, low, mean), np.where(outwards, mean, high)
-    first = np.fft.rfft(speeds(mean))[..., 1] / np.fft.rfft(sine)[1]
-    return np.asarray(first / lags[..., 1])
+    extend, retract = np.moveaxis(plant.sides, 2, 0)[:, :, None, :, None]
+    demand = sine + np.broadcast_to(mean, lags.shape[:3])[..., None]
+    command = np.where(demand > 0, extend, retract) * demand
+    spools = np.fft.irfft(np.fft.rfft(command) * lags, POINTS)
+    speeds = np.fft.rfft(spools / np.where(spools > 0, extend, retract))
+    first = speeds[..., 1] / np.fft.rfft(sine)[1]
+    return Passed(np.asarray(first / lags[..., 1]), np.asarray(speeds[..., 0].real / POINTS))
 
 
-def swings(
-    plant: LoopPlant, controller: Controller, lasting: bool = False, count: int | None = None
-) -> Array:
-    """Poles of the closed loops (n, m) [rad/s] as small swings have them, the least damped first.
+def swings(plant: LoopPlant, controller: Controller, count: int | None = None) -> Array:
+    """Poles of the closed loops (n, m) [rad/s] of small swings that begin, the least damped first.
 
     To first order in N/G − 1, and for each with the N of its own frequency; NaN in place of poles
     that only creep.
@@ -71,11 +66,13 @@ def swings(
     Args:
         plant: of n poses.
         controller: of them.
-        lasting: as in ``passed``.
         count: m, of the poles with the least damping ratio; None: all.
     """
     poles, right = np.linalg.eig(closed_loop(plant, controller)[0])
-    left = np.linalg.inv(right)
+    try:
+        left = np.linalg.inv(right)
+    except np.linalg.LinAlgError:  # eigenvectors that are not independent
+        left = np.linalg.pinv(right)
     swinging = poles.imag > CREEP * plant.omega[:, None]
     ratio = np.where(swinging, -poles.real / np.where(swinging, np.abs(poles), 1.0), np.inf)
     order = np.argsort(ratio, axis=1)[:, :count]
@@ -83,7 +80,7 @@ def swings(
     moved = np.take_along_axis(np.swapaxes(right[:, ns : ns + nc], 1, 2), order[..., None], axis=1)
     seen = np.take_along_axis(left[:, :, :ns], order[..., None], axis=1) @ plant.B
     poles, swinging = (np.take_along_axis(each, order, axis=1) for each in (poles, swinging))
-    more = passed(plant, np.abs(poles.imag), lasting) - 1
+    more = passed(plant, np.abs(poles.imag)).share - 1
     return np.where(swinging, poles + (seen * more * moved).sum(axis=2), np.nan)
 
 

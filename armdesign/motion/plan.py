@@ -169,10 +169,11 @@ def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> Non
         if not inside:
             fault = f"{value:g} is not in {allowed}"
             raise ArmDesignError(f"{machine.name}: move: {name}", fault, f"give {remedy}")
-    if modes is not None and modes < 1:
-        raise ArmDesignError(
-            f"{machine.name}: move: modes", f"{modes} is below 1", "give 1 or more"
-        )
+    most = len(machine.arm.coordinates)
+    if modes is not None and not 1 <= modes <= most:
+        near = max(1, min(modes, most))
+        fault = f"{modes} is not allowed: the machine has {most}"
+        raise ArmDesignError(f"{machine.name}: move: modes", fault, f"give {near}")
 
 
 def _within(machine: Machine, legs: Sequence[Leg], duration: float) -> list[Leg]:

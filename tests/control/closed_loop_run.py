@@ -3,10 +3,10 @@
 The plant starts at rest but for a small swing in one mode λ of the linear closed loop, with right
 eigenvector v, left w and w·v = 1. The modal coordinate a = w·(x − x₀) of the nonlinear run then
 follows e^{λt} as far as the linear model holds, which gives frequency and damping. What spools of
-uneven sides make of λ is in ``uneven_spools``: one pole for a swing that has just begun, so that
-the first ``PERIODS`` count, and one for a swing that lasts. Dry friction, which has no derivative
-at standstill, is left out, as in the linear model, and so are leaks of seals in good order, which
-damp by less than 10⁻³ but let the arm creep past so small a swing.
+uneven sides make of λ is in ``uneven_spools``; while the swing lasts, position loops answer the
+mean speed of the pistons, so that λ is a mean over the run too. Dry friction, which has no
+derivative at standstill, is left out, as in the linear model, and so are leaks of seals in good
+order, which damp by less than 10⁻³ but let the arm creep past so small a swing.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import solve_ivp
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import LoopPlant, loop_plant
 from armdesign.control.stated_damping import controllable
-from armdesign.control.uneven_spools import swings
+from armdesign.control.uneven_spools import passed
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
@@ -35,7 +36,7 @@ from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
 
 SWING = 1e-3  # [bar] of the load pressures in the mode at the start
-LEAST_PERIODS, PERIODS = 1.5, 3.0  # of the run, which ends when the swing has changed
+LEAST_PERIODS, PERIODS = 1.5, 6.0  # of the run, which ends when the swing has changed
 CHANGE = 30.0  # by this factor
 # 1/ζω of the slowest spool before it: by then spools swing evenly about their mean. Nothing comes
 # before a swing that would be over then, e^−DECAYED of it left.
@@ -56,7 +57,7 @@ class ClosedLoopRun(ReadOnly):
         time: (n,) [s].
         amplitude: modal coordinate over that at the start (n,), complex.
         pole: of the linear closed loop [rad/s].
-        predicted: what uneven spools make of it [rad/s].
+        predicted: its mean over the run with uneven spools [rad/s].
     """
 
     time: Array
@@ -178,7 +179,6 @@ def closed_loop_run(
     controller: Controller,
     *,
     least_damped: bool = True,
-    lasting: bool = False,
     periods: float = PERIODS,
     change: float = CHANGE,
     swing: float = SWING,
@@ -190,7 +190,6 @@ def closed_loop_run(
         q: the pose (nq,) [rad, m].
         controller: of this one pose, with high-passes.
         least_damped: whether the mode with the smallest damping ratio swings, else the slowest.
-        lasting: whether the prediction is of a swing that lasts, see ``passed``.
         periods: of the run at most.
         change: of the linear swing, after which the run ends.
         swing: of the load pressures at the start [bar].
@@ -200,7 +199,6 @@ def closed_loop_run(
     """
     loops = loop_plant(machine, machine.at(q))
     pole, right, left = _mode(machine, loops, controller, least_damped)
-    among = swings(loops, controller, lasting)[0]
     arm = _arm(machine, q, loops, controller)
     scale = swing / np.abs(loops.load @ right[: loops.A.shape[1]]).max()
     start = arm.from_linear((right * scale).real)
@@ -223,8 +221,42 @@ def closed_loop_run(
         time=time[counts] - time[counts][0],
         amplitude=amplitude / amplitude[0],
         pole=pole,
-        predicted=complex(among[np.nanargmin(np.abs(among - pole))]),
+        predicted=_averaged(loops, controller, (pole, right, left), (time[counts][0], time[-1])),
     )
+
+
+def _averaged(
+    loops: LoopPlant,
+    controller: Controller,
+    mode: tuple[complex, Array, Array],
+    span: tuple[float, float],
+) -> complex:
+    """Mean over a span [s] of the pole of a swing that begins at 0, with uneven spools.
+
+    A swing a with demands |v_i| |a| moves the pistons by w = |v| |a| W(b) in the mean, b_i = d_i/
+    (|v_i| |a|); joints drift by R⁻¹ w, and position loops demand d = −R K R⁻¹ ∫ w dt. So
+
+        ȧ = λ(b) a,     ḃ = −R K R⁻¹ |v| W(b)/|v| − Re λ(b) b
+    """
+    pole, right, left = mode
+    ns, nc = loops.B.shape[1:]
+    omega, spools = np.array([[abs(pole.imag)]]), right[ns : ns + nc]
+    size = np.abs(spools / loops.spool(1j * omega)[0, 0])
+    size = np.maximum(size, 1e-9 * size.max())
+    moves = (left[:ns] @ loops.B[0]) * spools
+    arms = loops.moment_arms[0]
+    answer = (arms * controller.position[0]) @ np.linalg.pinv(arms)
+
+    def rates(_: float, x: Array) -> Array:
+        share, speed = (each[0, 0] for each in passed(loops, omega, x[:nc]))
+        now = pole + moves @ (share - 1)
+        return np.array(
+            [*(-answer @ (size * speed) / size - now.real * x[:nc]), now.real, now.imag]
+        )
+
+    run = solve_ivp(rates, (0.0, span[1]), np.zeros(nc + 2), t_eval=span, rtol=1e-5, atol=1e-8)
+    real, imaginary = np.diff(run.y[nc:], axis=1)[:, 0] / (span[1] - span[0])
+    return complex(real, imaginary)
 
 
 def _arm(

@@ -54,29 +54,34 @@ def in_time(sides: tuple[float, float], omega: float, mean: float) -> tuple[comp
 @pytest.mark.parametrize("omega", [20.0, 60.0, 180.0])
 def test_a_swing_is_passed_as_in_time(sides: tuple[float, float], omega: float) -> None:
     plant = uneven(*sides)
-    expected, _ = in_time(sides, omega, 0.0)
+    expected, mean = in_time(sides, omega, 0.0)
     lag = plant.spool(np.array([1j * omega]))[0, 0]
-    assert passed(plant, np.array([[omega]]))[0, 0, 0] == pytest.approx(expected / lag, abs=1e-3)
+    share, speed = (each[0, 0, 0] for each in passed(plant, np.array([[omega]])))
+    assert share == pytest.approx(expected / lag, abs=1e-3)
+    assert speed == pytest.approx(mean, abs=1e-3)
 
 
 @pytest.mark.parametrize(("sides", "omega"), [((1.5, 0.75), 60.0), ((3.0, 0.6), 180.0)])
-def test_a_swing_that_lasts_moves_no_piston_away(sides: tuple[float, float], omega: float) -> None:
+def test_a_mean_demand_that_leaves_no_piston_moving(
+    sides: tuple[float, float], omega: float
+) -> None:
     """The mean demand that leaves none is sought here by itself."""
     mean = brentq(lambda each: in_time(sides, omega, each)[1], -0.6, 0.6, xtol=1e-5)
     plant = uneven(*sides)
     lag = plant.spool(np.array([1j * omega]))[0, 0]
-    lasting = passed(plant, np.array([[omega]]), lasting=True)[0, 0, 0]
-    assert lasting == pytest.approx(in_time(sides, omega, mean)[0] / lag, abs=2e-3)
+    share, speed = (each[0, 0, 0] for each in passed(plant, np.array([[omega]]), mean))
+    assert share == pytest.approx(in_time(sides, omega, mean)[0] / lag, abs=2e-3)
+    assert speed == pytest.approx(0.0, abs=1e-3)
 
 
 def test_limits() -> None:
     """Slow: as even. Fast: on the side with the larger spool. Even: as the lag alone."""
     omega = np.array([[0.02 * OMEGA, 20 * OMEGA]])
     for extend, retract in ((1.5, 0.75), (0.6, 3.0)):
-        slow, fast = passed(uneven(extend, retract), omega)[0, :, 0]
+        slow, fast = passed(uneven(extend, retract), omega).share[0, :, 0]
         assert slow == pytest.approx(1.0, abs=2e-3)
         assert fast == pytest.approx((extend + retract) / 2 / max(extend, retract), abs=1e-3)
-    assert passed(uneven(1.0, 1.0), omega)[0] == pytest.approx(np.ones((2, 1)), abs=1e-9)
+    assert passed(uneven(1.0, 1.0), omega).share[0] == pytest.approx(np.ones((2, 1)), abs=1e-9)
 
 
 def test_no_spool_passes_less_than_half() -> None:
@@ -84,12 +89,11 @@ def test_no_spool_passes_less_than_half() -> None:
     omega = OMEGA * np.geomspace(0.05, 30, 60)[None]
     for ratio in (1.2, 2.0, 5.0, 7.0):
         sides = np.array([ratio, 1.0]) * (1 + 1 / ratio) / 2  # speeds over these have the mean 1
-        for lasting in (False, True):
-            share = passed(uneven(*sides), omega, lasting)
-            assert np.abs(share).min() > 0.56
-            assert np.abs(share).max() < 1.01
-            assert np.abs(share[omega < OMEGA / 2] - 1).max() < 0.02
-            assert np.degrees(np.abs(np.angle(share))).max() < 5.5
+        share = passed(uneven(*sides), omega).share
+        assert np.abs(share).min() > 0.56
+        assert np.abs(share).max() < 1.01
+        assert np.abs(share[omega < OMEGA / 2] - 1).max() < 0.02
+        assert np.degrees(np.abs(np.angle(share))).max() < 5.5
 
 
 @pytest.mark.parametrize("name", shipped())
