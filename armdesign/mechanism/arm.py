@@ -58,11 +58,12 @@ class RigidPoses:
         if joint not in self._distinct:
             _, first, back = np.unique(self.q[:, joint], return_index=True, return_inverse=True)
             few = 2 * len(first) < len(self)
-            self._distinct[joint] = (self[first], back) if few else (self, slice(None))
-        return self._distinct[joint]
+            # not the poses themselves: they would wait for the collector of cycles
+            self._distinct[joint] = (self[first], back) if few else None
+        return self._distinct[joint] or (self, slice(None))
 
     @cached_property
-    def _distinct(self) -> dict[int, tuple[RigidPoses, Array | slice]]:
+    def _distinct(self) -> dict[int, tuple[RigidPoses, Array] | None]:
         return {}
 
 

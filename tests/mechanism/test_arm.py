@@ -7,7 +7,9 @@ URDF (independent).
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -257,6 +259,22 @@ def test_names_that_pinocchio_uses_itself() -> None:
         expected.mass_matrix,
         rtol=1e-15,
     )
+
+
+@pytest.mark.parametrize("values", [3, 50])
+def test_poses_that_nobody_needs_leave_memory_at_once(values: int) -> None:
+    """Without the collector of cycles, which comes late to few large arrays."""
+    q = np.random.default_rng(4).uniform(-0.3, 0.3, (50, 4))
+    q[:, 0] = np.arange(50) % values / 100
+    poses = arm().rigid_poses(q)
+    left, few = weakref.ref(poses), poses.distinct(0)[0]
+    assert len(few) == values
+    gc.disable()
+    try:
+        del poses, few
+        assert left() is None
+    finally:
+        gc.enable()
 
 
 def test_the_axis_may_have_any_length() -> None:
