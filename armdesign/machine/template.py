@@ -51,7 +51,7 @@ def new(name: str, *, links: int = 2, like: str = "", four_bar: bool = False) ->
         source = load(like)
         data, origin = _like(source, name), f"the numbers are from {source.name}"
     else:
-        data, origin = scaffold.data_of(name, links), f"a boom of {links} links"
+        data, origin = scaffold.data_of(name, links), f"a boom of {links} link{'s' * (links > 1)}"
     text = _text(name, data, origin)
     if four_bar:
         machine = Machine.from_text(text, "", Path(f"{name}.toml"))

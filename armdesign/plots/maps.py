@@ -251,8 +251,9 @@ def _pressure_curves(ax: Axes, frequencies: FrequencyMap, share: Array) -> None:
         rows = np.flatnonzero(payload == name)
         rows = rows[np.argsort(q[rows])]
         ax.plot(joint_values(joint, q[rows]), share[rows], LOADS[case % len(LOADS)], label=name)
-    ax.axhline(1.0, color=MARK, lw=1, ls="--")
+    ax.axhline(1.0, color=MARK, lw=1, ls="--", label="supply")
     ax.set(xlabel=joint_label(joint), ylabel=PRESSURE, ylim=(0, None))
+    ax.set_title("static pressures over the joint")
     ax.legend(frameon=False)
 
 

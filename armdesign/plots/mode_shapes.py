@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 FADED = {"fc": "#f3f4f6", "ec": "#d1d5db"}
 ENDS = MARK, COMPUTED  # of a swing
 SIZE = "drawn size of the swing: the point that moves furthest goes 5 % of the machine's size"
+UNSEEN = 0.5  # share of the tool's way in the picture, below which its words say so
 SHOWN = 3  # lowest modes
 TALLEST = 7.0  # [in] of axes
 HEADING, LINE = 10.0, 0.2  # letters [pt] and height [in] of a line above all modes
@@ -75,7 +76,8 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
         share = int(np.argmax(shares[mode]))
         limiting = f"{100 * shares[mode][share]:.0f} % in {machine.yielding[share].name}"
         words = f"mode {mode + 1}: {natural.frequencies[0, mode]:.3f} Hz, {limiting}"
-        ax.set_title(f"{words}\n± {swing.tool[0] / mm:.0f} mm at the tool", fontsize=9, loc="left")
+        amplitude = f"± {swing.tool[0] / mm:.0f} mm at the tool{_across(swing, ends[mode])}"
+        ax.set_title(f"{words}\n{amplitude}", fontsize=9, loc="left")
     fig.suptitle("\n".join(heading), fontsize=HEADING)
     stars = [line for line in axes[0].lines if line.get_marker() == "*"]
     names = ["at rest", "one end of the swing", "the other end, half a period later"]
@@ -103,6 +105,12 @@ def _ends(ax: Axes, machine: Machine, view: SideView, swing: Swing) -> list[Side
             ax.plot(*end.points[0, list(bar.ends)].T, color=colour, lw=1.1, zorder=8)
         ax.plot(*end.tool[0], "*", color=colour, ms=9, zorder=9)
     return ends
+
+
+def _across(swing: Swing, ends: list[SideView]) -> str:
+    """Words on a swing of the tool that the picture does not show, as that of a slewing joint."""
+    shown = float(np.hypot(*(ends[1].tool[0] - ends[0].tool[0]))) / 2
+    return ", across the picture" if shown < UNSEEN * swing.tool[0] else ""
 
 
 def _title(machine: Machine) -> str:

@@ -308,6 +308,9 @@ def test_modes_show_the_load_at_work_and_the_tool_at_rest_apart_from_the_ends() 
             stars = [line for line in marks if line.get_marker() == "*"]
             colours = [line.get_markerfacecolor() for line in stars]
             assert colours == ["white", canvas.MARK, canvas.COMPUTED]
+    slewing = [ax.get_title(loc="left") for ax in plots.mode_shapes(named("slewing")).axes]
+    assert ["across the picture" in title for title in slewing] == [True, False, False]
+    assert "100 % in swing" in slewing[0]
     words = [text.get_text() for text in fig.legends[0].get_texts()]
     assert words[0] == "at rest"
     assert len(words) == 3

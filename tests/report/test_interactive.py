@@ -32,7 +32,7 @@ def test_bokeh_reads_the_figures(name: str, glyph: str) -> None:
     read: Any = Document.from_json({**empty, **document(drawn)})
     read.validate()
     assert [figure.name for figure in read.roots] == ["map-0", "map-1"]
-    assert read.roots[0].title.text == "today </script>"
+    assert read.roots[0].title.text == "today </script>\n "  # room for a second line
     for k, figure in enumerate(read.roots):
         cells, marks = figure.renderers
         assert cells.data_source is read.get_model_by_name(f"cells-{k}")
@@ -75,7 +75,7 @@ def test_a_name_cannot_end_the_script_and_pages_are_the_same_again() -> None:
     drawn = scene("paper_1dof", 3)
     parts = interactive(drawn)
     assert "</script" not in parts.script
-    assert json.dumps("today </script>").replace("<", "\\u003c") in parts.script
+    assert json.dumps("today </script>\n ").replace("<", "\\u003c") in parts.script
     assert parts == interactive(drawn)
     assert len(set(parts.places)) == 2
 
