@@ -15,6 +15,9 @@ import numpy as np
 
 from armdesign.arrays import Array
 
+# of every coordinate the other two
+AHEAD, BEHIND = np.array([1, 2, 0]), np.array([2, 0, 1])
+
 
 @dataclass(frozen=True, eq=False)
 class Jet:
@@ -111,6 +114,5 @@ def _product(
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; on small arrays several times faster than numpy's."""
-    pairs = ((1, 2), (2, 0), (0, 1))
-    parts = [a[..., j] * b[..., k] - a[..., k] * b[..., j] for j, k in pairs]
-    return np.stack(parts, axis=-1)
+    forward = a.take(AHEAD, -1) * b.take(BEHIND, -1)
+    return np.asarray(forward - a.take(BEHIND, -1) * b.take(AHEAD, -1))

@@ -124,7 +124,7 @@ class Search:
             self.reference = max(self.problem.dynamics.omega_squared_scale, self.squared)
             self._improve(trust, tolerance)
             hoped = self._merit(self.squared, self.limits)
-            self.look()
+            self.look(improved=True)
             reached = self._merit(self.squared, self.limits)
             if reached > hoped - 10 * tolerance and self.squared < 2 * self.reference:
                 break
@@ -137,17 +137,21 @@ class Search:
         return self
 
     @np.errstate(invalid="ignore", divide="ignore")
-    def look(self) -> Search:
-        """Watch the lowest and the most loaded poses of the whole workspace."""
+    def look(self, improved: bool = False) -> Search:
+        """Watch the lowest and the most loaded poses of the whole workspace.
+
+        After ``_improve`` the requirements are known at the rows watched so far.
+        """
         squared, forces = self.problem.dynamics.omega_squared_and_forces(self.x)
         lowest = np.argsort(squared)[:MEMORY]
         spread = np.arange(0, len(squared), max(1, len(squared) // SPREAD))
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
         known = self.problem.dynamics.forces_of_nominal(forces)
         loaded = holding_rows(self.problem, self.x, known)
-        self.holding = np.union1d(self.holding, loaded).astype(int)
+        if not (improved and np.isin(loaded, self.holding).all()):
+            self.holding = np.union1d(self.holding, loaded).astype(int)
+            self.limits = constraints_at(self.problem, self.x, self.holding)
         self.squared = float(squared.min())
-        self.limits = constraints_at(self.problem, self.x, self.holding)
         return self
 
     def at(self, x: Array, strictness: float | None = None) -> Search:

@@ -238,6 +238,18 @@ class Linkage(Drive):
         end = self.rod_end_from(poses, self.observer, ()).position.value
         return self.point(poses, self.base), end
 
+    def ends_and_slopes(
+        self, poses: RigidPoses, moves: Sequence[Move]
+    ) -> tuple[tuple[Array, Array], list[Array]]:
+        """``ends``, and by each coordinate the derivative (n, 3) of the one end that it moves."""
+        end = self.rod_end_from(poses, self.observer, ())
+        of_span = self._span_derivatives(poses, end, moves)
+        slopes = [
+            -slope.value if name == "base" else slope.value
+            for (name, _), slope in zip(moves, of_span, strict=True)
+        ]
+        return (self.point(poses, self.base), end.position.value), slopes
+
     def point(self, poses: RigidPoses, pin: Pin) -> Array:
         """World position (n, 3) [m] of a pin."""
         return self.arm.point(poses, pin.link, side_by_side(pin.at))
