@@ -272,11 +272,12 @@ def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: in
     poses, turn, origin = _poses_between(reference.today, part, i)
     length, polygon = (new.closed[:, i] + new.stroke[:, i]) / 2, np.array(part.points)
     # which poses count depends on no steps
-    pins = (pin[None] for pin in new.linkages[i].ends(poses))
-    of_all = clearance(*_barrel(turn, origin, *pins, length[:1].real), polygon)[0]
+    base, end = new.linkages[i].ends(poses)
+    plain = _barrel(turn, origin, base[None], end[None], length[:1].real)
+    of_all = clearance(*plain, polygon)[0]
     nearest = np.argsort(of_all)[:NEAREST]
-    pins = new.span(i, poses[nearest])
-    start, tip = _barrel(turn[nearest], origin[nearest], *pins, length)
+    base, end = new.span(i, poses[nearest])
+    start, tip = _barrel(turn[nearest], origin[nearest], base, end, length)
     stepped = (start.imag != 0).any(axis=(1, 2)) | (tip.imag != 0).any(axis=(1, 2))
     free = np.tile(of_all[nearest].astype(tip.dtype), (len(tip), 1))
     free[stepped] = clearance(start[stepped], tip[stepped], polygon)

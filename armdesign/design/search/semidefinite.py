@@ -52,7 +52,7 @@ class StepProgramme:
         self._root = np.where(self._pairs[0] == self._pairs[1], 1.0, math.sqrt(2))
         matrices = 2 * (m + nx) + np.arange(n * len(self._root))
         of_x = [[*range(m), 2 * m + v, 2 * m + nx + v, *matrices] for v in range(nx)]
-        columns = [*of_x, matrices, *([k, m + k] for k in range(m))]
+        columns = [*of_x, [*matrices], *([k, m + k] for k in range(m))]
         self._rows = np.concatenate(columns).astype(int)
         self._ends = np.cumsum([0, *map(len, columns)])
         self._cost = np.concatenate([np.zeros(nx), [-1.0], np.full(m, PENALTY)])
