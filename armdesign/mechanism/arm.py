@@ -305,20 +305,25 @@ class Arm:
     ) -> VectorJet:
         """A point (``bound``) or a direction, with derivatives by joints on a path."""
         n, k = len(vector), len(joints)
-        first, second = np.zeros((n, k, 3), vector.dtype), np.zeros((n, k, k, 3), vector.dtype)
+        first = np.zeros((n, k, 3), vector.dtype)
         turns = [joint.revolute for joint in self.coordinates]
         path = tuple((j, sign) for j, sign in path if j in joints and (bound or turns[j]))
         for j, sign in path:
             axis = sign * poses.axis[:, j]
             lever = vector - poses.translation[:, j] if bound else vector
             first[:, joints.index(j)] = cross(axis, lever) if turns[j] else axis
-        for near, (j, sign) in enumerate(path):
-            if not turns[j]:
-                continue
-            axis = sign * poses.axis[:, j]
-            for further, _ in path[near:]:
-                a, b = joints.index(j), joints.index(further)
-                second[:, a, b] = second[:, b, a] = cross(axis, first[:, b])
+
+        def second() -> Array:
+            both = np.zeros((n, k, k, 3), vector.dtype)
+            for near, (j, sign) in enumerate(path):
+                if not turns[j]:
+                    continue
+                axis = sign * poses.axis[:, j]
+                for further, _ in path[near:]:
+                    a, b = joints.index(j), joints.index(further)
+                    both[:, a, b] = both[:, b, a] = cross(axis, first[:, b])
+            return both
+
         return VectorJet(vector, first, second)
 
     def pitch(self, poses: RigidPoses, link: str) -> Array:

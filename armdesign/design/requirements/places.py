@@ -54,13 +54,10 @@ def clearance(start: Array, end: Array, polygon: Array) -> Array:
     the nearest edge.
     """
     u, v = edges(polygon)
-    a, b = start[..., None, :], end[..., None, :]
-    gaps = np.stack(
-        [_to_segment(a, u, v), _to_segment(b, u, v), _to_segment(u, a, b), _to_segment(v, a, b)],
-        axis=-1,
-    )
-    gap = _least(gaps)
-    crossed = cross(a.real, b.real, u, v)
+    crossed = cross(start.real[..., None, :], end.real[..., None, :], u, v)
+    a, b, u, v = np.broadcast_arrays(start[..., None, :], end[..., None, :], u, v)
+    ends = np.stack([a, b, u, v]), np.stack([u, u, a, a]), np.stack([v, v, b, b])
+    gap = _least(np.moveaxis(_to_segment(*ends), 0, -1))
     wholly_inside = _inside(start.real, polygon) & ~crossed.any(axis=-1)
     nearest = _least(np.where(crossed, -gap, gap))
     return np.where(wholly_inside, -nearest, nearest)
