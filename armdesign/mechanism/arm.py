@@ -304,24 +304,20 @@ class Arm:
         joints: tuple[int, ...],
     ) -> VectorJet:
         """A point (``bound``) or a direction, with derivatives by joints on a path."""
-        n, k = len(vector), len(joints)
-        first = np.zeros((n, k, 3), vector.dtype)
+        first = np.zeros((len(vector), len(joints), 3), vector.dtype)
         turns = [joint.revolute for joint in self.coordinates]
         path = tuple((j, sign) for j, sign in path if j in joints and (bound or turns[j]))
-        for j, sign in path:
-            axis = sign * poses.axis[:, j]
+        axes = {j: sign * poses.axis[:, j] for j, sign in path}
+        for j, axis in axes.items():
             lever = vector - poses.translation[:, j] if bound else vector
             first[:, joints.index(j)] = cross(axis, lever) if turns[j] else axis
 
         def second() -> Array:
-            both = np.zeros((n, k, k, 3), vector.dtype)
-            for near, (j, sign) in enumerate(path):
-                if not turns[j]:
-                    continue
-                axis = sign * poses.axis[:, j]
-                for further, _ in path[near:]:
+            both = np.zeros((len(vector), len(joints), len(joints), 3), vector.dtype)
+            for near, j in enumerate(axes):
+                for further in list(axes)[near:] if turns[j] else ():
                     a, b = joints.index(j), joints.index(further)
-                    both[:, a, b] = both[:, b, a] = cross(axis, first[:, b])
+                    both[:, a, b] = both[:, b, a] = cross(axes[j], first[:, b])
             return both
 
         return VectorJet(vector, first, second)
