@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement as pairs
 from typing import Any
 
 import numpy as np
@@ -306,18 +307,16 @@ class Arm:
         """A point (``bound``) or a direction, with derivatives by joints on a path."""
         first = np.zeros((len(vector), len(joints), 3), vector.dtype)
         turns = [joint.revolute for joint in self.coordinates]
-        path = tuple((j, sign) for j, sign in path if j in joints and (bound or turns[j]))
-        axes = {j: sign * poses.axis[:, j] for j, sign in path}
+        axes = {j: s * poses.axis[:, j] for j, s in path if j in joints and (bound or turns[j])}
         for j, axis in axes.items():
             lever = vector - poses.translation[:, j] if bound else vector
             first[:, joints.index(j)] = cross(axis, lever) if turns[j] else axis
 
         def second() -> Array:
-            both = np.zeros((len(vector), len(joints), len(joints), 3), vector.dtype)
-            for near, j in enumerate(axes):
-                for further in list(axes)[near:] if turns[j] else ():
-                    a, b = joints.index(j), joints.index(further)
-                    both[:, a, b] = both[:, b, a] = cross(axes[j], first[:, b])
+            both = np.zeros((*first.shape[:2], *first.shape[1:]), vector.dtype)
+            for j, further in pairs(axes, 2):
+                a, b = map(joints.index, (j, further))
+                both[:, a, b] = both[:, b, a] = cross(axes[j], first[:, b]) if turns[j] else 0.0
             return both
 
         return VectorJet(vector, first, second)
