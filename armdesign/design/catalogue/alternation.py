@@ -206,13 +206,14 @@ def _missing_least(search: Search, sizes: Sizes) -> Search:
     Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
     """
     for i in _largest_first(search):
-        tried: list[tuple[float, Search]] = []
+        tried: list[tuple[float, Search, Array]] = []
         for size in _near_sizes(search, i, sizes):
             other = _with_size(search, i, size)
             elastic = ConflictSearch(other.problem, other.x, search.holding)
             solution = elastic.solve(elastic.roles([elastic.names]), ROUGH, starts=1)
-            tried.append((solution.cost, other.at(solution.x)))
-        search = min(tried, key=lambda pair: pair[0])[1]
+            tried.append((solution.cost, other, solution.x))
+        _, least, x = min(tried, key=lambda one: one[0])
+        search = least.at(x)
     return search
 
 
