@@ -15,7 +15,7 @@ Numbers: TypeAlias = Any  # a number or an array, or an interval where a bound i
 Flags: TypeAlias = NDArray[np.bool_]
 T = TypeVar("T")
 
-CHUNK = 16_384  # poses whose intermediate arrays are small beside the results of a million
+CHUNK = 4_096  # poses whose intermediate arrays stay in a cache; small beside those of a million
 
 
 class ReadOnly:

@@ -22,8 +22,8 @@ from armdesign.arrays import Array
 from armdesign.design.program.constraints import constraints_at, holding_rows
 from armdesign.design.program.corners import Pistons
 from armdesign.design.program.design_vector import PROGRAMME_POSES, Geometry
-from armdesign.design.program.dynamics import lowest
 from armdesign.design.program.gradient import SteppedDesign
+from armdesign.design.program.lowest_eigenvalues import lowest
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.candidate import reference_of
 from armdesign.design.requirements.settings import evaluations

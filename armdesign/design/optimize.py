@@ -97,8 +97,8 @@ def best_frequency(
     given = None if start is None else (problem.like(start.x, start.problem), start.problem.sizes)
     how = options["starts"], options["seed"], options["workers"]
 
-    def under(problem: Problem) -> Outcome:
-        return outcome_of(problem, sizes, *how, given)
+    def under(problem: Problem, any_will_do: bool) -> Outcome:
+        return outcome_of(problem, sizes, *how, given, any_will_do)
 
     def design() -> Design:
         outcome = design_or_proof(problem, under, sizes is not None)
@@ -115,10 +115,12 @@ def outcome_of(
     seed: int = 0,
     workers: int = 1,
     given: tuple[Array, ChosenSizes] | None = None,
+    any_will_do: bool = False,
 ) -> Outcome:
     """The best design of a problem, not yet priced; arguments as in ``optimize``.
 
-    ``given`` is a design to start from, and the sizes that it has of a catalogue.
+    ``given`` is a design to start from, and the sizes that it has of a catalogue. Where
+    ``any_will_do`` a search for sizes and pins ends with the first design, not with the best.
 
     Raises:
         InfeasibleError: none was found that meets the requirements.
@@ -128,7 +130,9 @@ def outcome_of(
     if not problem.vector.moving:
         return _of_catalogue(problem, sizes)
     refuse_unfit_catalogue(problem)
-    search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+    search, reached, rounded = sizes_and_pins(
+        problem, sizes, starts, seed, workers, given, any_will_do
+    )
     return Outcome.of(search, reached, rounded=rounded)
 
 
@@ -181,7 +185,7 @@ def size_cylinders(
         objective=_stated(objective), catalogue=catalogue,
     )  # fmt: skip
 
-    def under(problem: Problem) -> Outcome:
+    def under(problem: Problem, _: bool) -> Outcome:
         if sizes is not None:
             return _of_catalogue(problem, sizes)
         search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,9 @@ class ReachFigures:
     dump_height: float | None
 
 
+@lru_cache(maxsize=8)
 def reach_figures(machine: Machine) -> ReachFigures:
-    """The figures of a machine over its joint ranges, no end margin kept."""
+    """The figures of a machine over its joint ranges, no end margin kept; remembered."""
     envelope = _Envelope.of(machine)
     reach, depth, height = (_known(envelope.largest(aim)) for aim in (REACH, -HEIGHT, HEIGHT))
     return ReachFigures(

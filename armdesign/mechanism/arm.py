@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement as pairs
 from typing import Any
 
 import numpy as np
@@ -306,21 +307,20 @@ class Arm:
         joints: tuple[int, ...],
     ) -> VectorJet:
         """A point (``bound``) or a direction, with derivatives by joints on a path."""
-        n, k = len(vector), len(joints)
-        first, second = np.zeros((n, k, 3), vector.dtype), np.zeros((n, k, k, 3), vector.dtype)
+        first = np.zeros((len(vector), len(joints), 3), vector.dtype)
         turns = [joint.revolute for joint in self.coordinates]
-        path = tuple((j, sign) for j, sign in path if j in joints and (bound or turns[j]))
-        for j, sign in path:
-            axis = sign * poses.axis[:, j]
+        axes = {j: s * poses.axis[:, j] for j, s in path if j in joints and (bound or turns[j])}
+        for j, axis in axes.items():
             lever = vector - poses.translation[:, j] if bound else vector
             first[:, joints.index(j)] = cross(axis, lever) if turns[j] else axis
-        for near, (j, sign) in enumerate(path):
-            if not turns[j]:
-                continue
-            axis = sign * poses.axis[:, j]
-            for further, _ in path[near:]:
-                a, b = joints.index(j), joints.index(further)
-                second[:, a, b] = second[:, b, a] = cross(axis, first[:, b])
+
+        def second() -> Array:
+            both = np.zeros((*first.shape[:2], *first.shape[1:]), vector.dtype)
+            for j, further in pairs(axes, 2):
+                a, b = map(joints.index, (j, further))
+                both[:, a, b] = both[:, b, a] = cross(axes[j], first[:, b]) if turns[j] else 0.0
+            return both
+
         return VectorJet(vector, first, second)
 
     def pitch(self, poses: RigidPoses, link: str) -> Array:

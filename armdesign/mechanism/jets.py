@@ -8,40 +8,50 @@ more exact derivative. A factor is one number, or one for each row (n,).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Self, TypeVar
+from typing import Self, TypeAlias, TypeVar
 
 import numpy as np
 
 from armdesign.arrays import Array
 
+Second: TypeAlias = Array | Callable[[], Array]  # or how to compute it
+# of every coordinate the other two
+AHEAD, BEHIND = np.array([1, 2, 0]), np.array([2, 0, 1])
 
-@dataclass(frozen=True, eq=False)
+
 class Jet:
-    """Values (n, …), first (n, k, …) and second derivatives (n, k, k, …)."""
+    """Values (n, …), first (n, k, …) and second derivatives (n, k, k, …).
 
-    value: Array
-    first: Array
-    second: Array
+    The latter, the larger part of the work, are computed when they are asked for.
+    """
+
+    def __init__(self, value: Array, first: Array, second: Second) -> None:
+        self.value, self.first, self._second = value, first, second
+
+    @property
+    def second(self) -> Array:
+        """Second derivatives (n, k, k, …)."""
+        if not isinstance(self._second, np.ndarray):
+            self._second = self._second()
+        return self._second
 
     def __add__(self, other: Self) -> Self:
-        return type(self)(*map(np.add, self._parts, other._parts))
+        second = lambda: self.second + other.second  # noqa: E731
+        return type(self)(self.value + other.value, self.first + other.first, second)
 
     def __sub__(self, other: Self) -> Self:
-        return type(self)(*map(np.subtract, self._parts, other._parts))
+        second = lambda: self.second - other.second  # noqa: E731
+        return type(self)(self.value - other.value, self.first - other.first, second)
 
     def __neg__(self) -> Self:
         return self._scaled(-1.0)
 
     def _scaled(self, factor: float | Array) -> Self:
-        if not np.ndim(factor):
-            return type(self)(*(part * factor for part in self._parts))
-        rows = (np.reshape(factor, (-1, *[1] * (part.ndim - 1))) for part in self._parts)
-        return type(self)(*map(np.multiply, self._parts, rows))
+        def scaled(part: Array) -> Array:
+            rows = (-1, *[1] * (part.ndim - 1))
+            return np.asarray(part * (np.reshape(factor, rows) if np.ndim(factor) else factor))
 
-    @property
-    def _parts(self) -> tuple[Array, Array, Array]:
-        return self.value, self.first, self.second
+        return type(self)(scaled(self.value), scaled(self.first), lambda: scaled(self.second))
 
 
 AnyJet = TypeVar("AnyJet", bound=Jet)
@@ -53,7 +63,7 @@ class ScalarJet(Jet):
     def __add__(self, other: ScalarJet | float | Array) -> ScalarJet:
         if isinstance(other, ScalarJet):
             return super().__add__(other)
-        return ScalarJet(self.value + other, self.first, self.second)
+        return ScalarJet(self.value + other, self.first, lambda: self.second)
 
     def __mul__(self, factor: ScalarJet | float | Array) -> ScalarJet:
         if isinstance(factor, ScalarJet):
@@ -62,8 +72,13 @@ class ScalarJet(Jet):
 
     def through(self, value: Array, slope: Array, curvature: Array) -> ScalarJet:
         """f(self) from f, f′ and f″ at its values (chain rule)."""
-        outer = self.first[:, :, None] * self.first[:, None, :]
-        second = slope[:, None, None] * self.second + curvature[:, None, None] * outer
+
+        def second() -> Array:
+            outer = self.first[:, :, None] * self.first[:, None, :]
+            return np.asarray(
+                slope[:, None, None] * self.second + curvature[:, None, None] * outer
+            )
+
         return ScalarJet(value, slope[:, None] * self.first, second)
 
     def sqrt(self) -> ScalarJet:
@@ -98,22 +113,21 @@ def _product(
     multiply: Callable[[Array, Array], Array], a: Jet, b: Jet, kind: type[AnyJet]
 ) -> AnyJet:
     """Any product, linear in both jets, by the product rule."""
-    mixed = multiply(a.first[:, :, None], b.first[:, None])
-    return kind(
-        multiply(a.value, b.value),
-        multiply(a.first, b.value[:, None]) + multiply(a.value[:, None], b.first),
-        multiply(a.second, b.value[:, None, None])
-        + multiply(a.value[:, None, None], b.second)
-        + mixed
-        + np.swapaxes(mixed, 1, 2),
-    )
+
+    def second() -> Array:
+        mixed = multiply(a.first[:, :, None], b.first[:, None])
+        return (
+            multiply(a.second, b.value[:, None, None])
+            + multiply(a.value[:, None, None], b.second)
+            + mixed
+            + np.swapaxes(mixed, 1, 2)
+        )
+
+    first = multiply(a.first, b.value[:, None]) + multiply(a.value[:, None], b.first)
+    return kind(multiply(a.value, b.value), first, second)
 
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; on small arrays several times faster than numpy's."""
-    pairs = ((1, 2), (2, 0), (0, 1))
-    parts = [a[..., j] * b[..., k] - a[..., k] * b[..., j] for j, k in pairs]
-    product = np.empty((*parts[0].shape, 3), parts[0].dtype)
-    for axis, part in enumerate(parts):
-        product[..., axis] = part
-    return product
+    forward = a.take(AHEAD, -1) * b.take(BEHIND, -1)
+    return np.asarray(forward - a.take(BEHIND, -1) * b.take(AHEAD, -1))

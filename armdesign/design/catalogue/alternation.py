@@ -85,12 +85,14 @@ def sizes_and_pins(
     seed: int,
     workers: int,
     start: tuple[Array, ChosenSizes] | None = None,
+    any_will_do: bool = False,
 ) -> tuple[Search, Starts, CheckedMachine | None]:
     """Sizes of a catalogue and the pins for them, with the machine on the drawing's grid, if any.
 
     Between them stands what each start came to with free sizes.
 
-    ``start`` is a design to begin with, and the sizes that it has of a catalogue.
+    ``start`` is a design to begin with, and the sizes that it has of a catalogue. Where
+    ``any_will_do`` the first that can be drawn is taken, one that the whole search would find too.
 
     Of the combinations of sizes that were tried, some leave little room for lengths on the
     drawing's grid: the one that is best when drawn is taken. Today's machine is the answer where
@@ -110,7 +112,10 @@ def sizes_and_pins(
     best = restore_feasibility(best)
     if best.violation <= MISSED:
         tried = Tried()
-        with_sizes(best, sizes, start, tried)
+        first = _one_after_another(best, sizes, tried)
+        if any_will_do and tried.allowed and (machine := rounded_machine(first)):
+            return first, outcomes, machine
+        _with_sizes(first, sizes, start, tried)
         if tried.allowed:
             sized, machine = _best_drawn(tried.allowed)
             if machine is None or machine.judged < tried.unmoved:
@@ -159,26 +164,30 @@ def _best_drawn(searches: list[Search]) -> tuple[Search, CheckedMachine | None]:
     return drawn, best
 
 
-def with_sizes(
-    search: Search,
-    sizes: Sizes,
-    start: tuple[Array, ChosenSizes] | None = None,
-    tried: Tried | None = None,
-) -> Search:
+def with_sizes(search: Search, sizes: Sizes) -> Search:
     """The best design with sizes of a catalogue, from one with free sizes.
 
     It may miss a requirement.
-
-    One cylinder after the other takes a size while the rest follows; or all of them as today's
-    pins want them; or as in ``start``. The best of these goes through ``improve_in_turn``. What is
-    run to its end goes into ``tried``.
     """
-    tried = Tried() if tried is None else tried
-    problem = search.problem
-    followed = search  # the largest cylinder takes a size first, while the rest follows
-    for i in _largest_first(search):
-        followed = _best_near_size(followed, i, sizes)
-    searches = [tried.to_end(followed, trust=0.05)]
+    tried = Tried()
+    return _with_sizes(_one_after_another(search, sizes, tried), sizes, None, tried)
+
+
+def _one_after_another(search: Search, sizes: Sizes, tried: Tried) -> Search:
+    """A design with sizes: one cylinder after the other takes one while the rest follows."""
+    for i in _largest_first(search):  # the largest cylinder takes a size first
+        search = _best_near_size(search, i, sizes)
+    return tried.to_end(search, trust=0.05)
+
+
+def _with_sizes(
+    first: Search, sizes: Sizes, start: tuple[Array, ChosenSizes] | None, tried: Tried
+) -> Search:
+    """The best of ``first``, of the sizes as today's pins want them, and of ``start``.
+
+    It goes through ``improve_in_turn``. What is run to its end goes into ``tried``.
+    """
+    problem, searches = replace(first.problem, sizes=()), [first]
     if start and _in_catalogue(problem, start[1], sizes):
         searches.append(tried.to_end(_search_with(problem, *start), trust=0.1))
     try:
@@ -197,13 +206,14 @@ def _missing_least(search: Search, sizes: Sizes) -> Search:
     Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
     """
     for i in _largest_first(search):
-        tried: list[tuple[float, Search]] = []
+        tried: list[tuple[float, Search, Array]] = []
         for size in _near_sizes(search, i, sizes):
             other = _with_size(search, i, size)
             elastic = ConflictSearch(other.problem, other.x, search.holding)
             solution = elastic.solve(elastic.roles([elastic.names]), ROUGH, starts=1)
-            tried.append((solution.cost, other.at(solution.x)))
-        search = min(tried, key=lambda pair: pair[0])[1]
+            tried.append((solution.cost, other, solution.x))
+        _, least, x = min(tried, key=lambda one: one[0])
+        search = least.at(x)
     return search
 
 

@@ -84,7 +84,7 @@ def evaluations_at(
 
     def forces() -> Array:
         rows = holding_rows(problem, x) if holding is None else holding
-        arm = new.moment_arms(problem.workspace.rigid[dynamics.nominal_rows.pose[rows]])
+        arm = new.moment_arms(dynamics.loaded(rows))
         gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
         return dynamics.static_forces(arm, gravity, new.areas[:, None])
 

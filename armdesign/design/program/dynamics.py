@@ -16,6 +16,7 @@ from armdesign.arrays import Array, congruent, remembered
 from armdesign.design.program.corners import Corners, Pistons
 from armdesign.design.program.design_vector import ChosenLengths, DesignVector, Geometry
 from armdesign.design.program.gradient import STEP, SteppedDesign
+from armdesign.design.program.lowest_eigenvalues import lowest
 from armdesign.design.program.moving_masses import InertiaAndGravity, summed
 from armdesign.frequency.bands import Corner
 from armdesign.frequency.cases import load_cases
@@ -23,8 +24,6 @@ from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import own_forces, static_forces
 from armdesign.mechanism.arm import RigidPoses
-
-EXACT = 2_000  # of many eigenvalues, how many of the lowest are exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,35 +44,6 @@ class FixedPins:
         arm = self.scaled_arm[rows]
         oil_stiffness = np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None])
         return lowest(self.scaled_rest[rows] + oil_stiffness)
-
-
-def lowest(scaled: Array) -> Array:
-    """Lowest eigenvalues (n,) of L⁻¹K L⁻ᵀ, 0 where a matrix is not finite; overwrites those.
-
-    Of many three by three matrices the roots of the cubic tell which are low, a tenth of the work;
-    those are exact, the others to 1e-7 of the largest eigenvalue.
-    """
-    scaled[~np.isfinite(scaled).all(axis=(1, 2))] = 0.0
-    if scaled.shape[1] != 3 or len(scaled) <= EXACT:
-        return np.asarray(np.linalg.eigvalsh(scaled)[:, 0])
-    values = _lowest_root(scaled)
-    low = np.argpartition(values, EXACT)[:EXACT]
-    values[low] = np.linalg.eigvalsh(scaled[low])[:, 0]
-    return values
-
-
-def _lowest_root(matrices: Array) -> Array:
-    """Lowest eigenvalues (n,) of symmetric 3 × 3 matrices by the cosine of a third of an angle.
-
-    Smith, Eigenvalues of a symmetric 3 × 3 matrix, Communications of the ACM 4 (1961) 168.
-    """
-    mean = np.trace(matrices, axis1=1, axis2=2) / 3
-    apart = matrices - mean[:, None, None] * np.eye(3)
-    size = np.sqrt(np.einsum("nij,nij->n", apart, apart) / 6)
-    (a, b, c), (_, d, e), (_, _, f) = np.moveaxis(apart, 0, -1)
-    half = (a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)) / 2
-    cosine = np.clip(half / np.maximum(size**3, np.finfo(float).tiny), -1, 1)
-    return np.asarray(mean + 2 * size * np.cos((np.arccos(cosine) + 2 * np.pi) / 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,7 +296,17 @@ class Dynamics:
         with np.errstate(invalid="ignore", divide="ignore"):
             if len(poses) >= len(rigid):
                 return geometry(x, rigid)[poses]
-            return geometry(x, rigid[poses])
+            return geometry(x, self._watched(poses))
+
+    @remembered
+    def _watched(self, poses: Array) -> RigidPoses:
+        """Some of the workspace's poses, which many designs are looked at in a row."""
+        return self.workspace.rigid[poses]
+
+    @remembered
+    def loaded(self, rows: Array) -> RigidPoses:
+        """The poses of some of the ``nominal_rows``, at which static forces are watched."""
+        return self.workspace.rigid[self.nominal_rows.pose[rows]]
 
     # ----------------------------------------------------------------------------------- stiffness
 

@@ -137,11 +137,12 @@ class SteppedDesign:
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """Base pin and rod end of a cylinder in the world (nx, n, 3) [m]."""
-        ends = np.stack(self.linkages[i].ends(rigid))[:, None].astype(complex)
-        ends = np.tile(ends, (1, len(self.x), 1, 1))
-        for index in self.vector.moves(i):
-            ends[:, index] = np.stack(self._stepped_linkage(i, index).ends(rigid))
-        return ends[0], ends[1]
+        moves = self.vector.moves(i)
+        ends, slopes = self.linkages[i].ends_and_slopes(rigid, list(moves.values()))
+        base, end = map(self._variants, ends)
+        for (index, (name, _)), slope in zip(moves.items(), slopes, strict=True):
+            (base if name == "base" else end)[index] += self._pin_step(slope)
+        return base, end
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:
         """Gravity torque without a load [N m], (nx, n, nq), or (1, n, nq) if x does not matter."""

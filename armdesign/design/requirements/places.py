@@ -29,7 +29,7 @@ from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.machine.file.polygons import CROSSED, IN_ORDER, cross, crosses_itself, edges
 from armdesign.machine.file.schema import ClearanceSection, OutlineSection
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.units import mm
@@ -54,13 +54,10 @@ def clearance(start: Array, end: Array, polygon: Array) -> Array:
     the nearest edge.
     """
     u, v = edges(polygon)
-    a, b = start[..., None, :], end[..., None, :]
-    gaps = np.stack(
-        [_to_segment(a, u, v), _to_segment(b, u, v), _to_segment(u, a, b), _to_segment(v, a, b)],
-        axis=-1,
-    )
-    gap = _least(gaps)
-    crossed = cross(a.real, b.real, u, v)
+    crossed = cross(start.real[..., None, :], end.real[..., None, :], u, v)
+    a, b, u, v = np.broadcast_arrays(start[..., None, :], end[..., None, :], u, v)
+    ends = np.stack([a, b, u, v]), np.stack([u, u, a, a]), np.stack([v, v, b, b])
+    gap = _least(np.moveaxis(_to_segment(*ends), 0, -1))
     wholly_inside = _inside(start.real, polygon) & ~crossed.any(axis=-1)
     nearest = _least(np.where(crossed, -gap, gap))
     return np.where(wholly_inside, -nearest, nearest)
@@ -269,23 +266,30 @@ def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: in
     A barrel is a bar of its outer diameter from the base pin, half as long as the open cylinder,
     as for buckling.
     """
-    arm, poses = reference.today.arm, _poses_between(reference.today, part, i)
+    poses, turn, origin = _poses_between(reference.today, part, i)
     length, polygon = (new.closed[:, i] + new.stroke[:, i]) / 2, np.array(part.points)
     # which poses count depends on no steps
-    base, end = (pin[None] for pin in new.linkages[i].ends(poses))
-    of_all = clearance(*_barrel(arm, poses, part.link, base, end, length[:1].real), polygon)
-    poses = poses[np.argsort(of_all[0])[:NEAREST]]
-    free = clearance(*_barrel(arm, poses, part.link, *new.span(i, poses), length), polygon)
+    base, end = new.linkages[i].ends(poses)
+    plain = _barrel(turn, origin, base[None], end[None], length[:1].real)
+    of_all = clearance(*plain, polygon)[0]
+    nearest = np.argsort(of_all)[:NEAREST]
+    base, end = new.span(i, poses[nearest])
+    start, tip = _barrel(turn[nearest], origin[nearest], base, end, length)
+    stepped = (start.imag != 0).any(axis=(1, 2)) | (tip.imag != 0).any(axis=(1, 2))
+    free = np.tile(of_all[nearest].astype(tip.dtype), (len(tip), 1))
+    free[stepped] = clearance(start[stepped], tip[stepped], polygon)
     wall, pressure = new.machine.cylinders[i].barrel_wall, new.machine.supply.pressure
     radius = barrel_outer(diameters(new, i)[0], wall, pressure) / 2
     return np.asarray(free - radius[:, None])
 
 
 def _barrel(
-    arm: Arm, poses: RigidPoses, link: str, base: Array, end: Array, length: Array
+    turn: Array, origin: Array, base: Array, end: Array, length: Array
 ) -> tuple[Array, Array]:
-    """Ends (b, n, 2) of barrels of a length (b,) in the plane of a link, from pins (b, n, 3)."""
-    turn, origin = arm.link_rotation(poses, link), arm.point(poses, link, np.zeros(3))
+    """Ends (b, n, 2) of barrels of a length (b,) in the plane of a link, from pins (b, n, 3).
+
+    ``turn`` (n, 3, 3) and ``origin`` (n, 3) place the link in the world.
+    """
     along = end - base
     span = np.sqrt((along**2).sum(axis=-1))[..., None]
     tip = base + along / span * length[:, None, None]
@@ -296,8 +300,11 @@ def _barrel(
 
 
 @lru_cache(maxsize=64)
-def _poses_between(today: Machine, part: Clearance, i: int) -> RigidPoses:
-    """Poses over the ranges of the joints between a cylinder and the link it keeps clear of."""
+def _poses_between(today: Machine, part: Clearance, i: int) -> tuple[RigidPoses, Array, Array]:
+    """Poses over the ranges of the joints between a cylinder and the link it keeps clear of.
+
+    And that link's orientation (n, 3, 3) and place (n, 3) there.
+    """
     arm, linkage = today.arm, today.linkages[i]
     path = (j for j, _ in arm.path(linkage.base.link, part.link) if j < len(arm.joints))
     between = sorted({*linkage.joints, *path})
@@ -305,4 +312,5 @@ def _poses_between(today: Machine, part: Clearance, i: int) -> RigidPoses:
     axes = [over(today.ranges[j], count) for j in between]
     q = np.tile(today.ranges.mean(axis=1), (count ** len(between), 1))
     q[:, between] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(between))
-    return arm.kinematics(q)
+    poses = arm.kinematics(q)
+    return poses, arm.link_rotation(poses, part.link), arm.point(poses, part.link, np.zeros(3))

@@ -17,7 +17,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import Constraints, constraints_at, holding_rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import ProgrammeStep, padded, programme
+from armdesign.design.search.semidefinite import ProgrammeStep, programme
 from armdesign.design.search.trust_region import Box, TrustRegion, ascend, box_around
 from armdesign.errors import InfeasibleError
 
@@ -47,7 +47,7 @@ class Trial:
 class Linearised:
     """The design problem near a trial: stiffness over the reference of some rows, and limits.
 
-    ``kept`` numbers the limits; ``value`` and ``jacobian`` are padded with some that always hold.
+    ``kept`` numbers the limits, of which are ``value`` and ``jacobian``.
     """
 
     rows: Array
@@ -124,7 +124,7 @@ class Search:
             self.reference = max(self.problem.dynamics.omega_squared_scale, self.squared)
             self._improve(trust, tolerance)
             hoped = self._merit(self.squared, self.limits)
-            self.look()
+            self.look(improved=True)
             reached = self._merit(self.squared, self.limits)
             if reached > hoped - 10 * tolerance and self.squared < 2 * self.reference:
                 break
@@ -137,17 +137,21 @@ class Search:
         return self
 
     @np.errstate(invalid="ignore", divide="ignore")
-    def look(self) -> Search:
-        """Watch the lowest and the most loaded poses of the whole workspace."""
+    def look(self, improved: bool = False) -> Search:
+        """Watch the lowest and the most loaded poses of the whole workspace.
+
+        After ``_improve`` the requirements are known at the rows watched so far.
+        """
         squared, forces = self.problem.dynamics.omega_squared_and_forces(self.x)
         lowest = np.argsort(squared)[:MEMORY]
         spread = np.arange(0, len(squared), max(1, len(squared) // SPREAD))
         self.rows = np.unique(np.concatenate([self.rows, lowest, spread])).astype(int)
         known = self.problem.dynamics.forces_of_nominal(forces)
         loaded = holding_rows(self.problem, self.x, known)
-        self.holding = np.union1d(self.holding, loaded).astype(int)
+        if not (improved and np.isin(loaded, self.holding).all()):
+            self.holding = np.union1d(self.holding, loaded).astype(int)
+            self.limits = constraints_at(self.problem, self.x, self.holding)
         self.squared = float(squared.min())
-        self.limits = constraints_at(self.problem, self.x, self.holding)
         return self
 
     def at(self, x: Array, strictness: float | None = None) -> Search:
@@ -180,20 +184,23 @@ class Search:
         matrices = self.problem.dynamics.scaled_stiffness_and_gradient(trial.x, rows, squared)
         base, slopes = (part / self.reference for part in matrices)
         kept = _nearest_limits(at, box, LIMITS)
-        limits = padded(*(self.strictness * part[kept] for part in (at.values, at.jacobian)))
+        limits = (self.strictness * part[kept] for part in (at.values, at.jacobian))
         return Linearised(rows, base, slopes, kept, *limits)
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest and those that spoilt a step, no two alike."""
         place = self.problem.dynamics.row_coordinates(self.rows)
+        order = np.argsort(squared)
         chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
+        # of every row from what is chosen
+        distance = np.full(len(order), np.inf)
+        for c in chosen:
+            distance = np.minimum(distance, np.abs(place - place[c]).max(axis=1))
         for spacing in (0.05, 0.0):
-            for index in np.argsort(squared):
-                if len(chosen) == min(ACTIVE, len(self.rows)):
-                    break
-                apart = (np.abs(place[index] - place[c]).max() > spacing for c in chosen)
-                if index not in chosen and all(apart):
-                    chosen.append(int(index))
+            while len(chosen) < ACTIVE and (far := distance[order] > spacing).any():
+                chosen.append(int(order[far.argmax()]))
+                near = np.abs(place - place[chosen[-1]]).max(axis=1)
+                distance = np.minimum(distance, near)
         return self.rows[chosen]
 
     def foreseen_merit(self, given: slice) -> Callable[[Array], float]:
@@ -245,8 +252,7 @@ class Search:
             return trial
         squared = float(start.squared.min())
         base = dynamics.scaled_stiffness(x, model.rows, start.x, squared) / self.reference
-        kept = self.strictness * trial.limits.values[model.kept]
-        value = np.pad(kept, (0, len(model.value) - len(kept)), constant_values=1.0)
+        value = self.strictness * trial.limits.values[model.kept]
         slope = np.einsum("vnij,v->nij", model.slopes, change)
         bent = replace(model, base=base - slope, value=value - model.jacobian @ change)
         try:

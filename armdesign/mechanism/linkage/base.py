@@ -21,7 +21,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, side_by_side
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.arm import Arm, RigidPoses
-from armdesign.mechanism.jets import ScalarJet, VectorJet
+from armdesign.mechanism.jets import ScalarJet, Second, VectorJet
 
 Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
 
@@ -34,13 +34,23 @@ class Pin:
     at: tuple[float, float, float]
 
 
-@dataclass(frozen=True, eq=False)
 class Actuation:
-    """Length [m], moment arm [m/rad] and its derivative over n poses and k coordinates."""
+    """Length [m], moment arm [m/rad] and its derivative over n poses and k coordinates.
 
-    length: Array  # (n,)
-    moment_arm: Array  # (n, k), zero for springs
-    moment_arm_derivative: Array  # (n, k, k)
+    Attributes:
+        length: (n,).
+        moment_arm: (n, k), zero for springs.
+    """
+
+    def __init__(self, length: Array, moment_arm: Array, derivative: Second) -> None:
+        self.length, self.moment_arm, self._derivative = length, moment_arm, derivative
+
+    @property
+    def moment_arm_derivative(self) -> Array:
+        """(n, k, k), computed when it is asked for."""
+        if not isinstance(self._derivative, np.ndarray):
+            self._derivative = self._derivative()
+        return self._derivative
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +248,18 @@ class Linkage(Drive):
         end = self.rod_end_from(poses, self.observer, ()).position.value
         return self.point(poses, self.base), end
 
+    def ends_and_slopes(
+        self, poses: RigidPoses, moves: Sequence[Move]
+    ) -> tuple[tuple[Array, Array], list[Array]]:
+        """``ends``, and by each coordinate the derivative (n, 3) of the one end that it moves."""
+        end = self.rod_end_from(poses, self.observer, ())
+        of_span = self._span_derivatives(poses, end, moves)
+        slopes = [
+            -slope.value if name == "base" else slope.value
+            for (name, _), slope in zip(moves, of_span, strict=True)
+        ]
+        return (self.point(poses, self.base), end.position.value), slopes
+
     def point(self, poses: RigidPoses, pin: Pin) -> Array:
         """World position (n, 3) [m] of a pin."""
         return self.arm.point(poses, pin.link, side_by_side(pin.at))
@@ -289,9 +311,15 @@ class Linkage(Drive):
     def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
         """From the linkage's joints to all coordinates of the arm, and ``back`` to all poses."""
         length, k = jet.value[back], len(self.arm.coordinates)
-        moment_arm, derivative = (np.zeros((len(length), *[k] * d), length.dtype) for d in (1, 2))
+        moment_arm = np.zeros((len(length), k), length.dtype)
         for a, joint in enumerate(self.joints):
             moment_arm[:, joint] = jet.first[back, a]
-            for b, other in enumerate(self.joints):
-                derivative[:, joint, other] = jet.second[back, a, b]
+
+        def derivative() -> Array:
+            whole = np.zeros((len(length), k, k), length.dtype)
+            for a, joint in enumerate(self.joints):
+                for b, other in enumerate(self.joints):
+                    whole[:, joint, other] = jet.second[back, a, b]
+            return whole
+
         return Actuation(length, moment_arm, derivative)

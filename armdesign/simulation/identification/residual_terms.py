@@ -278,7 +278,9 @@ class _Regression:
         self.lines, self.ratio, self.modes = lines, ratio, modes
         # logarithm of the covariance's determinant
         self.inflation = np.log1p(ratio * size**2).sum()
-        self.u, self.shrunk = u, u * (1 - 1 / np.sqrt(1 + ratio * size**2))
+        shrinkage = 1 - 1 / np.sqrt(1 + ratio * size**2)
+        counts = shrinkage > 0  # what is smaller than rounding leaves all as it is
+        self.u, self.shrunk = u[:, counts], u[:, counts] * shrinkage[counts]
         self.y = self.white(lines.observed)
 
     def white(self, values: Array) -> Array:

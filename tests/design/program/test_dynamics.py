@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign.design.program.constraints import constraints_at
-from armdesign.design.program.dynamics import EXACT, lowest
+from armdesign.design.program.lowest_eigenvalues import EXACT, lowest
 from armdesign.design.program.problem import Problem
 from tests.checks import assert_same
 from tests.design.by_machine import slopes, true_frequencies

@@ -43,9 +43,10 @@ WITH_SIZES = "with the sizes of the catalogue that were tried, "
 T = TypeVar("T")
 
 
-def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue: bool) -> T:
+def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], catalogue: bool) -> T:
     """What is found for a problem, or a refusal whose amounts were all granted, and gave a design.
 
+    ``design`` is told whether any will do: under what is granted, where none is asked for.
     What is refused again under what a refusal grants joins it, until there is a design.
 
     Raises:
@@ -55,7 +56,7 @@ def design_or_proof(problem: Problem, design: Callable[[Problem], T], catalogue:
     refusals: list[InfeasibleError] = []
     while len(refusals) < GRANTS:
         try:
-            answer = design(problem.under(requirements))
+            answer = design(problem.under(requirements), bool(refusals))
         except InfeasibleError as refusal:
             refusals.append(refusal)
             granted = requirements.granting(refusal.conflict)

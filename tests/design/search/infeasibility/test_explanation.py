@@ -206,7 +206,7 @@ def test_what_conflicts_still_after_all_grants_is_named() -> None:
     """Refusals that go on, each of what was granted before: the last is told by name."""
     problem, looked_at = problem_of("single", ("areas",)), []
 
-    def never(given: Problem) -> None:
+    def never(given: Problem, any_will_do: bool) -> None:
         looked_at.append(given.requirements.setting("thrust_share.lift") + 0.01)
         checks = check(given.machine, given.machine, given.workspace, given.requirements)
         (thrust,) = (c for c in checks if c.name == "thrust.lift")
@@ -226,7 +226,7 @@ def test_digging_that_counts_only_under_less_torque_joins_a_conflict() -> None:
     machine, space = problem.machine, problem.workspace
     wanted = [("torque.extending.lift", 0.9), ("digging.lift", 0.91)]
 
-    def design(problem: Problem) -> str:
+    def design(problem: Problem, any_will_do: bool) -> str:
         checks = {c.name: c for c in check(machine, machine, space, problem.requirements)}
         if not wanted:
             return "a design"
