@@ -165,7 +165,7 @@ cli.main()
     "library",
     [
         "pinocchio",
-        pytest.param("clarabel", marks=pytest.mark.slow),
+        pytest.param("cvxpy", marks=pytest.mark.slow),
         pytest.param("matplotlib.backends.backend_agg", marks=pytest.mark.slow),
     ],
 )

@@ -63,7 +63,7 @@ DOORS = {  # library: the only modules that may import it
     "viser": {"viewing.stage"},
     "websockets": {"viewing.stage"},
     "coal": {"drawing.visuals"},
-    "clarabel": {"design.search.semidefinite"},
+    "cvxpy": {"design.search.semidefinite"},
     "tomlkit": {"machine.file.toml_writing", "machine.provenance"},
     "pydantic": {
         *("machine.file.section", "machine.file.links", "machine.file.schema"),
@@ -229,7 +229,7 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
     """In a process of its own: `import armdesign` and the command line's module."""
     heavy = [
         "pinocchio",
-        "clarabel",
+        "cvxpy",
         "matplotlib",
         "pandas",
         "scipy",
@@ -240,7 +240,7 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
     ]
     code = (
         f"import sys, armdesign, armdesign.cli\nprint([name for name in {heavy} if name in"
-        " sys.modules])\narmdesign.load, armdesign.optimize\nprint([name for name in ('clarabel',"
+        " sys.modules])\narmdesign.load, armdesign.optimize\nprint([name for name in ('cvxpy',"
         " 'matplotlib', 'pandas', 'pinocchio') if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""Semidefinite programmes of the design: the only door to Clarabel.
+"""Semidefinite programmes of the design: the only door to cvxpy.
 
 Both forms maximise λ subject to  A_j + Σ x_v B_jv − λ I ⪰ 0  for some poses j and  c + C x ≥ 0,
 low ≤ x ≤ high, where A and B are L⁻¹K L⁻ᵀ and its slopes, so that λ is the lowest ω² over a
@@ -8,6 +8,7 @@ reference.
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -40,22 +41,34 @@ class ProgrammeStep:
 class StepProgramme:
     """The programme with n poses, m constraints and nx variables, set up once for many data.
 
-    Constraints may be violated at a price, so that a step from an infeasible x exists. The solver
-    has it as: least q·z with b − A z in a cone, where z is x, λ and the violations; below the
-    rows of the constraints stand the violations, both bounds of x, and of every matrix the upper
-    triangle, column by column, off the diagonal times √2.
+    Constraints may be violated at a price, so that a step from an infeasible x exists.
     """
 
     def __init__(self, n: int, nq: int, m: int, nx: int) -> None:
+        with undisturbed():
+            import cvxpy as cp
+        from scipy.sparse import eye_array, kron
+
         self.shape = (n, nq, m, nx)
-        self._pairs = np.tril_indices(nq)
-        self._root = np.where(self._pairs[0] == self._pairs[1], 1.0, math.sqrt(2))
-        matrices = 2 * (m + nx) + np.arange(n * len(self._root))
-        of_x = [[*range(m), 2 * m + v, 2 * m + nx + v, *matrices] for v in range(nx)]
-        columns = [*of_x, [*matrices], *([k, m + k] for k in range(m))]
-        self._rows = np.concatenate(columns).astype(int)
-        self._ends = np.cumsum([0, *map(len, columns)])
-        self._cost = np.concatenate([np.zeros(nx), [-1.0], np.full(m, PENALTY)])
+        upper = np.transpose(np.triu_indices(nq))
+        self._pairs = upper.T
+        entries = n * len(upper)
+        self._base, self._unit = cp.Parameter(entries), cp.Parameter(entries)
+        self._slopes = cp.Parameter((entries, nx))
+        self._value, self._jacobian = cp.Parameter(m), cp.Parameter((m, nx))
+        self._low, self._high = cp.Parameter(nx), cp.Parameter(nx)
+        self._change, self._lambda = cp.Variable(nx), cp.Variable()
+        self._excess = cp.Variable(m, nonneg=True)
+        place = np.zeros((nq * nq, len(upper)))
+        for k, (a, b) in enumerate(upper):
+            place[a * nq + b, k] = place[b * nq + a, k] = 1.0
+        triangles = self._base + self._slopes @ self._change - self._unit * self._lambda
+        whole = kron(eye_array(n), place, format="csr") @ triangles
+        self._matrices = cp.reshape(whole, (n, nq, nq), order="C") >> 0
+        self._limits = self._value + self._jacobian @ self._change + self._excess >= 0
+        self._box = [self._change >= self._low, self._change <= self._high]
+        objective = cp.Maximize(self._lambda - PENALTY * cp.sum(self._excess))
+        self._problem = cp.Problem(objective, [self._matrices, self._limits, *self._box])
 
     def solve(
         self, base: Array, slopes: Array, value: Array, jacobian: Array, low: Array, high: Array
@@ -68,62 +81,30 @@ class StepProgramme:
         if not all(np.isfinite(part).all() for part in (base, slopes, value, jacobian)):
             fault = "stiffness or a requirement is not finite here"
             raise InfeasibleError("design step", fault, "start elsewhere")
-        n, nq, m, nx = self.shape
-        level = _levelled(base)
-        of_base, of_unit = (self._triangles(level, part) for part in (base, np.eye(nq)))
-        of_x = [-jacobian, -np.ones((1, nx)), np.ones((1, nx)), -self._triangles(level, slopes).T]
-        entries = [np.concatenate(of_x).ravel("F"), of_unit, np.full(2 * m, -1.0)]
-        right = np.concatenate([value, np.zeros(m), -low, high, of_base])
-        z, multipliers = self._solved(np.concatenate(entries), right)
-        ends = np.cumsum([m, m, nx, nx])
-        of_limits, _, of_low, of_high, of_matrices = np.split(multipliers, ends)
-        dual = np.empty(base.shape)
-        a, b = self._pairs
-        dual[:, a, b] = dual[:, b, a] = of_matrices.reshape(n, -1) / self._root
+        (a, b), level = self._pairs, _levelled(base)
+        pair = base, np.eye(base.shape[1])
+        self._base.value, self._unit.value = (
+            congruent(level, matrix)[:, a, b].ravel() for matrix in pair
+        )
+        self._slopes.value = congruent(level, slopes)[:, :, a, b].reshape(len(slopes), -1).T
+        self._value.value, self._jacobian.value = value, jacobian
+        self._low.value, self._high.value = low, high
+        _solve(self._problem)
+        dual = np.asarray(self._matrices.dual_value).reshape(base.shape)
         return ProgrammeStep(
-            change=np.clip(z[:nx], low, high),
-            value=float(z[nx]),
-            violation=float(z[nx + 1 :].sum()),
-            multipliers=np.maximum(of_limits, 0.0),
-            low_multipliers=of_low,
-            high_multipliers=of_high,
+            change=np.clip(np.asarray(self._change.value), low, high),
+            value=float(np.sum(self._lambda.value)),
+            violation=float(np.sum(self._excess.value)),
+            multipliers=np.maximum(np.asarray(self._limits.dual_value), 0.0),
+            low_multipliers=np.asarray(self._box[0].dual_value),
+            high_multipliers=np.asarray(self._box[1].dual_value),
             weights=congruent(np.swapaxes(level, 1, 2), dual),
         )
 
-    def _triangles(self, level: Array, matrices: Array) -> Array:
-        """Levelled matrices (…, n, nq, nq) as the solver has them (…, n · nq (nq + 1) / 2)."""
-        a, b = self._pairs
-        entries = congruent(level, matrices)[..., a, b] * self._root
-        return np.asarray(entries.reshape(*entries.shape[:-2], -1))
 
-    def _solved(self, entries: Array, right: Array) -> tuple[Array, Array]:
-        """The best z and the multipliers of all rows.
-
-        Raises:
-            InfeasibleError: the solver gave up.
-        """
-        with undisturbed():
-            import clarabel
-        from scipy.sparse import csc_array
-
-        n, nq, m, nx = self.shape
-        size = len(right), len(self._cost)
-        matrix = csc_array((entries, self._rows, self._ends), shape=size)
-        cones = [clarabel.NonnegativeConeT(2 * (m + nx)), *[clarabel.PSDTriangleConeT(nq)] * n]
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        none = csc_array((size[1], size[1]))
-        answer = clarabel.DefaultSolver(none, self._cost, matrix, right, cones, settings).solve()
-        # of a solution that is not quite exact every step is judged by its true objective
-        if str(answer.status) not in ("Solved", "AlmostSolved"):
-            fault = f"the solver says {answer.status}"
-            raise InfeasibleError("design step", fault, "loosen the requirements")
-        return np.array(answer.x), np.array(answer.z)
-
-
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def programme(n: int, nq: int, m: int, nx: int) -> StepProgramme:
-    """The programme of this shape, set up once in a process."""
+    """The programme of this shape, set up once in a process; not for several threads at a time."""
     return StepProgramme(n, nq, m, nx)
 
 
@@ -218,3 +199,19 @@ def bound_of_moving_mass(bound: float, reached: float, weights: Any, light: Arra
 def contradicted(bound: float, reached: float) -> bool:
     """Whether a bound is NaN, or below what an allowed design reaches; both in Hz or as ω²."""
     return not bound >= reached - MISSED_SHARE * abs(reached)
+
+
+def _solve(problem: Any) -> None:
+    import cvxpy as cp
+
+    try:
+        with warnings.catch_warnings():
+            # "solution may be inaccurate": every step is judged by its true objective
+            warnings.simplefilter("ignore")
+            problem.solve(solver=cp.CLARABEL, warm_start=False)
+    except cp.SolverError as error:
+        fault = f"the solver gave up ({error})"
+        raise InfeasibleError("design step", fault, "loosen the requirements") from None
+    if problem.status not in ("optimal", "optimal_inaccurate"):
+        fault = f"the solver says {problem.status}"
+        raise InfeasibleError("design step", fault, "loosen the requirements")

@@ -17,7 +17,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import Constraints, constraints_at, holding_rows
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.semidefinite import ProgrammeStep, programme
+from armdesign.design.search.semidefinite import ProgrammeStep, padded, programme
 from armdesign.design.search.trust_region import Box, TrustRegion, ascend, box_around
 from armdesign.errors import InfeasibleError
 
@@ -47,7 +47,7 @@ class Trial:
 class Linearised:
     """The design problem near a trial: stiffness over the reference of some rows, and limits.
 
-    ``kept`` numbers the limits, of which are ``value`` and ``jacobian``.
+    ``kept`` numbers the limits; ``value`` and ``jacobian`` are padded with some that always hold.
     """
 
     rows: Array
@@ -184,7 +184,7 @@ class Search:
         matrices = self.problem.dynamics.scaled_stiffness_and_gradient(trial.x, rows, squared)
         base, slopes = (part / self.reference for part in matrices)
         kept = _nearest_limits(at, box, LIMITS)
-        limits = (self.strictness * part[kept] for part in (at.values, at.jacobian))
+        limits = padded(*(self.strictness * part[kept] for part in (at.values, at.jacobian)))
         return Linearised(rows, base, slopes, kept, *limits)
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
@@ -252,7 +252,8 @@ class Search:
             return trial
         squared = float(start.squared.min())
         base = dynamics.scaled_stiffness(x, model.rows, start.x, squared) / self.reference
-        value = self.strictness * trial.limits.values[model.kept]
+        kept = self.strictness * trial.limits.values[model.kept]
+        value = np.pad(kept, (0, len(model.value) - len(kept)), constant_values=1.0)
         slope = np.einsum("vnij,v->nij", model.slopes, change)
         bent = replace(model, base=base - slope, value=value - model.jacobian @ change)
         try:
