@@ -47,7 +47,7 @@ class JointDrive:
         """The drive with its designs in a part (5,) of the region."""
         scale = float(low[2]), float(high[2])
         shape = replace(self.shape, low=low[:2], high=high[:2], scale=scale)
-        return replace(self, shape=shape, limits=self.limits.within(low[3:], high[3:]))
+        return replace(self, shape=shape, limits=self.limits.within(low, high))
 
     def place(self, problem: Problem, x: Array) -> Array:
         """Place (5,) in the region of the design x."""

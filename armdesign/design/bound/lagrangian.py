@@ -37,7 +37,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, congruent
-from armdesign.design.bound.branching import Maximum, maximum
+from armdesign.design.bound.branching import Cover, Maximum, maximum, part_of
 from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
@@ -66,6 +66,7 @@ AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
 CELLS = 20_000  # branched per cylinder
+COVER = 500  # cells with which the next branching of a cylinder begins, at most
 TRIED = 50  # known designs of a cylinder, the best, that branching begins with
 
 
@@ -99,6 +100,9 @@ class LagrangianDual:
     rows: Array
     columns: Columns
     pool: Columns
+    # of each drive, cells that hold all its allowed designs, and how many the last branching took
+    covers: list[Cover | None]
+    efforts: Array
 
     @classmethod
     def start(
@@ -135,6 +139,8 @@ class LagrangianDual:
             rows=watched[np.argsort(squared)[:ROWS]],
             columns=columns,
             pool=joined(*pool),
+            covers=[None] * len(some),
+            efforts=np.ones(len(some)),
         )
 
     def within(self, k: int, drive: JointDrive, multipliers: Multipliers) -> LagrangianDual:
@@ -145,8 +151,12 @@ class LagrangianDual:
         drives = (*self.drives[:k], drive, *self.drives[k + 1 :])
         order = np.argsort(-multipliers.mixture, kind="stable")[: COLUMNS - 1]
         columns = multipliers.columns[order].within(k, drive)
-        pool = self.pool.within(k, drive)
-        return replace(self, drives=drives, columns=columns, pool=pool)
+        pool, covers, known = self.pool.within(k, drive), [*self.covers], self.covers[k]
+        covers[k] = known and part_of(known, drive.region)
+        return replace(
+            self, drives=drives, columns=columns, pool=pool, covers=covers,
+            efforts=self.efforts.copy(),
+        )  # fmt: skip
 
     def join(self, k: int, most: Maximum) -> None:
         """Take the design of drive ``k`` that branching found, and others around it."""
@@ -434,8 +444,18 @@ class LagrangianDual:
         return [self.maximum(multipliers, k, tolerance) for k in range(len(self.drives))]
 
     def maximum(self, multipliers: Multipliers, k: int, tolerance: float) -> Maximum:
-        """The most that the term of drive ``k`` can be, to within its part of a tolerance."""
+        """The most that the term of drive ``k`` can be, to within its part of a tolerance.
+
+        Of the tolerance a drive has the more, the more cells it took: their number is about the
+        inverse of its part, so that parts as the roots of the numbers take least.
+        """
         term, known = self._term(multipliers, k), joined(self.columns, self.pool)
         known = known[known.drive == k]
         best = np.argsort(-self.values(known, multipliers))[:TRIED]
-        return maximum(term, tolerance / len(self.drives), CELLS, known.place[best])
+        share = np.sqrt(self.efforts)
+        tolerance = tolerance * float(share[k] / share.sum())
+        most = maximum(term, tolerance, CELLS, known.place[best], self.covers[k])
+        self.efforts[k] = most.cells
+        if len(most.leaves[0]) <= COVER:
+            self.covers[k] = most.leaves
+        return most
