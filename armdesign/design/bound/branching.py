@@ -76,9 +76,9 @@ def maximum(
         cells=0,
         leaves=(low, high),
     )
-    if known is not None:
-        best = _better(best, term.upper(*2 * [known[:, : low.shape[1]]]), term)
-    cells, looked, done = term.upper(low, high), len(low), []
+    places = np.empty((0, low.shape[1])) if known is None else known[:, : low.shape[1]]
+    cells, best = _looked_at(term, best, low, high, places)
+    looked, done = len(low), []
     while True:
         open_cells = cells.bound > best.value + tolerance
         done.append(cells[~open_cells])
@@ -88,11 +88,8 @@ def maximum(
         order = np.argsort(-cells.bound)
         parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
         low, high, source = _parts(parents)
-        middles = _middles(term, parents[:TRIALS])
-        both = term.upper(np.concatenate([low, middles]), np.concatenate([high, middles]))
+        children, best = _looked_at(term, best, low, high, _middles(term, parents[:TRIALS]))
         looked += len(low)
-        best = _better(best, both[both.source >= len(low)], term)
-        children = both[both.source < len(low)]
         inherited = parents.bound[source[children.source]]
         cells = together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
     leaves = together(*done, cells)
@@ -130,15 +127,19 @@ def halves(cells: Cells) -> tuple[Array, Array]:
     return np.concatenate([cells.low, second_low]), np.concatenate([first_high, cells.high])
 
 
-def _better(best: Maximum, designs: Cells, term: CylinderTerm) -> Maximum:
-    """The best of some designs of a term, cells of no width, if better."""
+def _looked_at(
+    term: CylinderTerm, best: Maximum, low: Array, high: Array, places: Array
+) -> tuple[Cells, Maximum]:
+    """Cells bounded, and the best of the designs at places too, which are cells of no width."""
+    both = term.upper(np.concatenate([low, places]), np.concatenate([high, places]))
+    cells, designs = both[both.source < len(low)], both[both.source >= len(low)]
     designs = designs[np.isfinite(designs.bound)]
     if len(designs.bound) == 0 or designs.bound.max() <= best.value:
-        return best
+        return cells, best
     k = int(designs.bound.argmax())
     place, volume = designs.low[k], designs.volume[k]
     place = np.append(place[:3], volume if term.limits.areas.pairs is None else place[3:])
-    return replace(best, value=float(designs.bound[k]), place=place, volume=volume)
+    return cells, replace(best, value=float(designs.bound[k]), place=place, volume=volume)
 
 
 def _middles(term: CylinderTerm, cells: Cells) -> Array:

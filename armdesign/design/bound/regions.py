@@ -29,9 +29,10 @@ REGIONS = 24  # looked at
 ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
-COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
+COARSE, FINE = 0.005, 1e-3  # tolerance of branching, of ω²
 # of frequency, over the design at hand, where cutting ends, and rounds of the whole
 ENOUGH, PLENTY = 0.03, 0.01
+SLICE = 0.1  # of a region, the least that a cut leaves on either side
 MIXED = 1e-3  # share of a mixture that counts
 
 
@@ -134,7 +135,8 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
         at_mean, *along = values @ weight
         low, high = drive.region
         inside = (mean > low) & (mean < high)
-        gains += [(along[a] - at_mean, k, a, mean[a]) for a in range(5) if inside[a]]
+        place = np.clip(mean, *(low + share * (high - low) for share in (SLICE, 1 - SLICE)))
+        gains += [(along[a] - at_mean, k, a, place[a]) for a in range(5) if inside[a]]
     best = max(gains, default=(0.0, 0, 0, 0.0))
     return best[1:] if best[0] > 0 else None
 
