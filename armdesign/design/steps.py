@@ -243,8 +243,8 @@ def steps(
         built |= _designs(left, sizes, command, workers)
         answer = _rising(machine, built, best, pins)
         reached = {step.pins: _judged(step.design) for step in answer.steps}
-        known = _unrounded(built)
-        bounds = bounds_of_others(pins, best, reached, workers, known, bounds)  # of those that lost
+        # of those that lost
+        bounds = bounds_of_others(pins, best, reached, workers, _unrounded(built), bounds)
     return replace(answer, steps=tuple(_proved(step, pins, bounds) for step in answer.steps))
 
 

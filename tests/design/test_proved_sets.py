@@ -19,8 +19,8 @@ PINS = ("a", "b", "c")
 
 def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch) -> None:
     """By hand: beside ab the bound of bc, 3 Hz, is low enough, which spares c beside b. That of ac
-    is not, though it spares none: a design of it reaches 8 Hz before rounding, so that it is sought
-    only until it is near that. abc is the only one of its kind. So beside b that of a is
+    is not, though it spares none: a design of it reaches 8 Hz before rounding, so that it is
+    sought only until it is near that. abc is the only one of its kind. So beside b that of a is
     sought, until it is no more than what b reaches, and all are proved; beside ab ac might be 1.8
     times as good.
     """

@@ -88,7 +88,7 @@ def maximum(
         order = np.argsort(-cells.bound)
         parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
         low, high, source = _parts(parents)
-        children, best = _looked_at(term, best, low, high, _middles(term, parents[:TRIALS]))
+        children, best = _looked_at(term, best, low, high, _middles(term, parents))
         looked += len(low)
         inherited = parents.bound[source[children.source]]
         cells = together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
@@ -101,25 +101,23 @@ def _parts(cells: Cells) -> tuple[Array, Array, Array]:
     """Corners of the parts of every cell, and which it is: halves, or more to fill a pass."""
     source = np.arange(len(cells.bound))
     while True:
-        low, high = halves(cells)
-        added = cells.added.copy()
-        added[np.arange(len(added)), cut_axes(cells)] /= 2
+        (low, high), added = halves(cells), cells.added.copy()
+        added[np.arange(len(added)), _cut_axes(cells)] /= 2
         source = np.tile(source, 2)
         if 2 * len(low) > PASS:
             return low, high, source
-        cells = replace(
-            cells[np.arange(len(low)) % len(added)], low=low, high=high, added=np.tile(added, (2, 1))
-        )
+        twice = cells[np.tile(np.arange(len(added)), 2)]
+        cells = replace(twice, low=low, high=high, added=np.tile(added, (2, 1)))
 
 
-def cut_axes(cells: Cells) -> Array:
+def _cut_axes(cells: Cells) -> Array:
     """The axis (m,) of every cell that adds most to its bound."""
     return np.asarray(np.where(cells.high > cells.low, cells.added, -1.0).argmax(axis=1))
 
 
 def halves(cells: Cells) -> tuple[Array, Array]:
     """Both halves of every cell, cut across the axis that adds most to its bound."""
-    rows, axis = np.arange(len(cells.bound)), cut_axes(cells)
+    rows, axis = np.arange(len(cells.bound)), _cut_axes(cells)
     first_high, second_low = cells.high.copy(), cells.low.copy()
     first_high[rows, axis] = second_low[rows, axis] = (
         cells.low[rows, axis] + cells.high[rows, axis]
@@ -143,11 +141,11 @@ def _looked_at(
 
 
 def _middles(term: CylinderTerm, cells: Cells) -> Array:
-    """Places in the middle of cells; of their volumes all vertices allowed there.
+    """Places in the middle of the first cells; of their volumes all vertices allowed there.
 
     Of the pairs of areas in them the one nearest to their middle.
     """
-    low, high = cells.low.copy(), cells.high.copy()
+    low, high = cells.low[:TRIALS].copy(), cells.high[:TRIALS].copy()
     low[:, :3] = high[:, :3] = (low[:, :3] + high[:, :3]) / 2
     if low.shape[1] == 3:
         return low

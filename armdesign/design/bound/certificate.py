@@ -182,7 +182,7 @@ def certificates_within_bands(
 
     Each is sought until it is no more than is ``wanted`` of it [Hz], or as long as it falls.
     """
-    enough = wanted or [None] * len(searches)
+    enough: Sequence[float | None] = wanted or [None] * len(searches)
 
     def identity(k: int) -> Any:
         search = searches[k]

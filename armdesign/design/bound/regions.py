@@ -88,7 +88,7 @@ def lowest_bound(dual: LagrangianDual, wanted: float | None = None) -> float:
 
 
 def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Region:
-    """The region with better multipliers, until they are close or the bound is no more than plenty.
+    """The region with better multipliers, until they are close or its bound is low: plenty.
 
     Where it is ``enough`` they end too, if less than half of its gap can still be closed. Where
     even mixtures exceed that, cutting does more than rounds and finer branching.
