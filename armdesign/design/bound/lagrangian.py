@@ -47,7 +47,7 @@ from armdesign.design.bound.columns import (
     joined,
     known_columns,
 )
-from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
+from armdesign.design.bound.cylinder_spring import Stiffening, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
@@ -100,9 +100,8 @@ class LagrangianDual:
     rows: Array
     columns: Columns
     pool: Columns
-    # of each drive, cells that hold all its allowed designs, and how many the last branching took
-    covers: list[Cover | None]
-    efforts: Array
+    covers: list[Cover | None]  # of each drive: cells that hold all its allowed designs,
+    efforts: Array  # and how many its last branching took
 
     @classmethod
     def start(
@@ -274,12 +273,10 @@ class LagrangianDual:
             b, (cap, annulus) = columns.place[own, :2], columns.volume[own].T[:, :, None]
             e = d.shape.at(angles).enclose(b, b).centre
             place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
-            beta, gravity = (
-                self.problem.machine.fluid.bulk_modulus,
-                self.loads.gravity[rows, d.joint] / d.partners,
-            )
+            beta = self.problem.machine.fluid.bulk_modulus
+            gravity = self.loads.gravity[rows, d.joint] / d.partners
             stiff: Stiffening = (1.0, 1.0)
-            if air := self._air(d, interval(gravity)):
+            if air := d.air(self.problem.machine, interval(gravity)):
                 both = columns.volume[own]
                 cap_side, annulus_side = air.stiffening(interval(np.abs(rate)), both, both)
                 stiff = cap_side[:, 0], annulus_side[:, 0]
@@ -296,16 +293,6 @@ class LagrangianDual:
                 oil = oil * (1 - structure.yielding(oil, stroke.low[:, None]))
             entries[own] = beta * rate**2 * oil - gravity * bend
         return entries / self.reference
-
-    def _air(self, drive: JointDrive, gravity: Interval) -> Air | None:
-        """Softening of a drive's oil by air under torques (n,) [N m]; None without air."""
-        fluid, sign = self.problem.machine.fluid, drive.shape.sign
-        if fluid.air == 0:
-            return None
-        machine = self.problem.machine
-        # reliefs make it but less
-        back = machine.cylinders[drive.cylinder].preload(machine.supply.return_pressure)
-        return Air(fluid=fluid, back=back, torque=gravity * sign)
 
     def _structure(self, drive: JointDrive, gravity: Interval, rows: Array) -> Structure | None:
         """Structure in series with a drive at rows under torques (n,) [N m]; None: rigid at all.
@@ -379,7 +366,7 @@ class LagrangianDual:
         rows, given = multipliers.rows[own], multipliers.weight[own, k, k]
         torque = d.torque(self._gravity(rows)[:, d.joint])
         padded = Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
-        air, structure = self._air(d, padded), self._structure(d, padded, rows)
+        air, structure = d.air(self.problem.machine, padded), self._structure(d, padded, rows)
         angles, back = np.unique(d.angle[rows], return_inverse=True)
         if air or structure:
             # of one angle, other loads
