@@ -2,7 +2,9 @@
 
 A bound on the designs of a set holds for all of its subsets: their other pins stay where they are
 within their boxes. So sets are looked at from the largest down, and a bound of one spares those of
-many. It holds for all sizes, or all of a catalogue, with lengths on no grid (``bound``).
+many. It holds for all sizes, or all of a catalogue, with lengths on no grid (``bound``). So where
+a set's own design exceeds the best of all before its lengths are rounded to the grid, no bound can
+rule the set out: then it only says by how much at most the set may be better.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from armdesign.design.search.sequential_sdp import Search
 
 Pins = tuple[str, ...]  # key paths of pins that move
 Bounds = Mapping[Pins, float]  # what no design of a set reaches more than [Hz]
+NEAR = 0.005  # share above what is known of a set, where a bound that rules nothing out ends
 
 
 def bounds_of_others(
@@ -23,6 +26,7 @@ def bounds_of_others(
     searches: Mapping[Pins, Search],
     best: Mapping[Pins, float],
     workers: int,
+    unrounded: Mapping[Pins, float],
     known: Bounds | None = None,
 ) -> dict[Pins, float]:
     """Bounds [Hz] on the sets beside the best of as many pins, sought until they are no more.
@@ -32,6 +36,7 @@ def bounds_of_others(
         searches: of sets, at their ends.
         best: of the best set of each number of pins what its design reaches, as the bound [Hz].
         workers: processes that share the bounds.
+        unrounded: of sets with a design what it reaches before its lengths are rounded [Hz].
         known: bounds at hand, which are not sought again.
     """
     bounds = dict(known or {})
@@ -41,9 +46,15 @@ def bounds_of_others(
             for some in others(pins, chosen)
             if some in searches and some not in bounds and most_of(some, bounds) > reached
         ]
-        found = certificates_within_bands([searches[some] for some in left], workers, reached)
+        wanted = [_wanted(unrounded.get(some, 0.0), reached) for some in left]
+        found = certificates_within_bands([searches[some] for some in left], workers, wanted)
         bounds |= {some: one.frequency for some, one in zip(left, found, strict=True) if one}
     return bounds
+
+
+def _wanted(unrounded: float, reached: float) -> float:
+    """Where the bound on a set ends [Hz], of which a design reaches so much before rounding."""
+    return reached if unrounded <= reached else max(reached, unrounded * (1 + NEAR))
 
 
 def others(pins: Pins, chosen: Pins) -> list[Pins]:

@@ -240,7 +240,7 @@ def steps(
     built = _designs({some: best[some] for some in few}, sizes, command, workers)
     answer = _rising(machine, built, best, pins)
     reached = {step.pins: _judged(step.design) for step in answer.steps}
-    bounds = bounds_of_others(pins, best, reached, workers)
+    bounds = bounds_of_others(pins, best, reached, workers, _unrounded(built))
     if sizes:
         left = {
             some: best[some]
@@ -251,7 +251,8 @@ def steps(
         built |= _designs(left, sizes, command, workers)
         answer = _rising(machine, built, best, pins)
         reached = {step.pins: _judged(step.design) for step in answer.steps}
-        bounds = bounds_of_others(pins, best, reached, workers, bounds)  # of those that lost
+        # of those that lost
+        bounds = bounds_of_others(pins, best, reached, workers, _unrounded(built), bounds)
     return replace(answer, steps=tuple(_proved(step, pins, bounds) for step in answer.steps))
 
 
@@ -319,6 +320,11 @@ def _gain(design: Design) -> float:
 def _judged(design: Design) -> float:
     """What a bound on designs of its kind is compared with [Hz]."""
     return design.problem.dynamics.corners.judged(design.machine)
+
+
+def _unrounded(built: Mapping[Pins, Design | InfeasibleError]) -> dict[Pins, float]:
+    """What designs reach before their lengths are rounded, as the bound [Hz]."""
+    return {some: one.unrounded for some, one in built.items() if isinstance(one, Design)}
 
 
 def _pins(machine: Machine) -> Pins:

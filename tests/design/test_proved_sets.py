@@ -10,7 +10,7 @@ import pytest
 import armdesign as ad
 from armdesign.design import proved_sets as module
 from armdesign.design.bound.certificate import Certificate
-from armdesign.design.proved_sets import bounds_of_others, most_of, others
+from armdesign.design.proved_sets import NEAR, bounds_of_others, most_of, others
 from armdesign.design.steps import DesignStep, _proved
 from tests.machines import named
 
@@ -19,15 +19,16 @@ PINS = ("a", "b", "c")
 
 def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch) -> None:
     """By hand: beside ab the bound of bc, 3 Hz, is low enough, which spares c beside b. That of ac
-    is not, though it spares none, and abc is the only one of its kind. So beside b that of a is
+    is not, though it spares none: a design of it reaches 8 Hz before rounding, so that it is
+    sought only until it is near that. abc is the only one of its kind. So beside b that of a is
     sought, until it is no more than what b reaches, and all are proved; beside ab ac might be 1.8
     times as good.
     """
     asked: list[Any] = []
     most = {"bc": 3.0, "ac": 9.0, "a": 3.5}
 
-    def bounds(searches: list[Any], workers: int, wanted: float) -> list[Certificate]:
-        asked.extend((search.name, wanted) for search in searches)
+    def bounds(searches: list[Any], workers: int, wanted: list[float]) -> list[Certificate]:
+        asked.extend((search.name, w) for search, w in zip(searches, wanted, strict=True))
         return [
             Certificate(frequency=most[search.name], held=(), assumptions=())
             for search in searches
@@ -39,9 +40,10 @@ def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch)
         for name in ("ab", "ac", "bc", "a", "b", "c", "abc")
     }
     best = {("b",): 4.0, ("a", "b"): 5.0, PINS: 6.0, (): 1.0}
-    bounds_found = bounds_of_others(PINS, searches, best, 1)
-    assert asked == [("ac", 5.0), ("bc", 5.0), ("a", 4.0)]
-    assert bounds_of_others(PINS, searches, best, 1, bounds_found) == bounds_found
+    unrounded = {("a", "c"): 8.0, ("b", "c"): 5.0, ("a",): 3.9}
+    bounds_found = bounds_of_others(PINS, searches, best, 1, unrounded)
+    assert asked == [("ac", 8.0 * (1 + NEAR)), ("bc", 5.0), ("a", 4.0)]
+    assert bounds_of_others(PINS, searches, best, 1, unrounded, bounds_found) == bounds_found
     assert len(asked) == 3
     least = {
         chosen: [most_of(some, bounds_found) for some in others(PINS, chosen)] for chosen in best

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,7 +17,10 @@ from armdesign.design.bound.cylinder_term import Cells, CylinderTerm, together
 
 BATCH = 1500  # cells branched at a time
 TRIALS = 50  # middles of cells tried as designs
+PASS = 60  # cells that cost little more together than a few
 WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
+
+Cover: TypeAlias = tuple[Array, Array]  # corners of cells
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,21 +32,42 @@ class Maximum:
     place: Array  # (5,) b and scale, and swept volumes or areas of a catalogue
     volume: Array  # (2,) [m³]
     cells: int  # looked at
-    leaves: tuple[Array, Array]  # corners (m, 3 or 5) of all cells that were not halved
+    leaves: Cover  # corners (m, 3 or 5) of all cells that were not halved
+
+
+def whole_region(term: CylinderTerm) -> Cover:
+    """The region of a term cut evenly, by volumes or areas too where its cells are of them."""
+    low, high = term.shape.cut()
+    if term.air or term.structure or term.limits.areas.pairs is not None:
+        least, most = (np.tile(end, (len(low), 1)) for end in term.limits.others)
+        low, high = np.column_stack([low, least]), np.column_stack([high, most])
+    return low, high
+
+
+def part_of(cover: Cover, region: Cover) -> Cover:
+    """What of some cells lies in a region, of corners (5,)."""
+    low, high = cover
+    low, high = (
+        np.maximum(low, region[0][: low.shape[1]]),
+        np.minimum(high, region[1][: low.shape[1]]),
+    )
+    inside = np.all(low <= high, axis=1)
+    return low[inside], high[inside]
 
 
 def maximum(
-    term: CylinderTerm, tolerance: float, most_cells: int, known: Array | None = None
+    term: CylinderTerm,
+    tolerance: float,
+    most_cells: int,
+    known: Array | None = None,
+    cover: Cover | None = None,
 ) -> Maximum:
     """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at.
 
     Designs at ``known`` places (m, 5) are tried first: where few are allowed, halving finds none.
+    ``cover`` are cells that hold all that is allowed, to begin with; None: the region's.
     """
-    low, high = term.shape.cells
-    if term.air or term.structure or term.limits.areas.pairs is not None:
-        least, most = (np.tile(end, (len(low), 1)) for end in term.limits.others)
-        low, high = np.column_stack([low, least]), np.column_stack([high, most])
-    cells, looked, done = term.upper(low, high), len(low), []
+    low, high = cover or whole_region(term)
     best = Maximum(
         upper=math.inf,
         value=-math.inf,
@@ -51,12 +76,10 @@ def maximum(
         cells=0,
         leaves=(low, high),
     )
-    if known is not None:
-        best = _better(term, best, known[:, : low.shape[1]])
+    places = np.empty((0, low.shape[1])) if known is None else known[:, : low.shape[1]]
+    cells, best = _looked_at(term, best, low, high, places)
+    looked, done = len(low), []
     while True:
-        promising = np.argsort(-cells.bound)[:TRIALS]
-        promising = promising[cells.bound[promising] > best.value]
-        best = _better(term, best, _middles(term, cells[promising]))
         open_cells = cells.bound > best.value + tolerance
         done.append(cells[~open_cells])
         cells = cells[open_cells]
@@ -64,19 +87,37 @@ def maximum(
             break
         order = np.argsort(-cells.bound)
         parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
-        children = term.upper(*halves(parents))
-        looked += 2 * len(parents.bound)
-        inherited = np.tile(parents.bound, 2)[children.source]
+        low, high, source = _parts(parents)
+        children, best = _looked_at(term, best, low, high, _middles(term, parents))
+        looked += len(low)
+        inherited = parents.bound[source[children.source]]
         cells = together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
     leaves = together(*done, cells)
     upper = max(float(leaves.bound.max(initial=-math.inf)), best.value)
     return replace(best, upper=upper, cells=looked, leaves=(leaves.low, leaves.high))
 
 
+def _parts(cells: Cells) -> tuple[Array, Array, Array]:
+    """Corners of the parts of every cell, and which it is: halves, or more to fill a pass."""
+    source = np.arange(len(cells.bound))
+    while True:
+        (low, high), added = halves(cells), cells.added.copy()
+        added[np.arange(len(added)), _cut_axes(cells)] /= 2
+        source = np.tile(source, 2)
+        if 2 * len(low) > PASS:
+            return low, high, source
+        twice = cells[np.tile(np.arange(len(added)), 2)]
+        cells = replace(twice, low=low, high=high, added=np.tile(added, (2, 1)))
+
+
+def _cut_axes(cells: Cells) -> Array:
+    """The axis (m,) of every cell that adds most to its bound."""
+    return np.asarray(np.where(cells.high > cells.low, cells.added, -1.0).argmax(axis=1))
+
+
 def halves(cells: Cells) -> tuple[Array, Array]:
     """Both halves of every cell, cut across the axis that adds most to its bound."""
-    rows = np.arange(len(cells.bound))
-    axis = np.where(cells.high > cells.low, cells.added, -1.0).argmax(axis=1)
+    rows, axis = np.arange(len(cells.bound)), _cut_axes(cells)
     first_high, second_low = cells.high.copy(), cells.low.copy()
     first_high[rows, axis] = second_low[rows, axis] = (
         cells.low[rows, axis] + cells.high[rows, axis]
@@ -84,24 +125,27 @@ def halves(cells: Cells) -> tuple[Array, Array]:
     return np.concatenate([cells.low, second_low]), np.concatenate([first_high, cells.high])
 
 
-def _better(term: CylinderTerm, best: Maximum, places: Array) -> Maximum:
-    """The best of the designs at places (m, 3 or 5), if better: a cell of no width is one."""
-    designs = term.upper(places, places)
+def _looked_at(
+    term: CylinderTerm, best: Maximum, low: Array, high: Array, places: Array
+) -> tuple[Cells, Maximum]:
+    """Cells bounded, and the best of the designs at places too, which are cells of no width."""
+    both = term.upper(np.concatenate([low, places]), np.concatenate([high, places]))
+    cells, designs = both[both.source < len(low)], both[both.source >= len(low)]
     designs = designs[np.isfinite(designs.bound)]
     if len(designs.bound) == 0 or designs.bound.max() <= best.value:
-        return best
+        return cells, best
     k = int(designs.bound.argmax())
     place, volume = designs.low[k], designs.volume[k]
     place = np.append(place[:3], volume if term.limits.areas.pairs is None else place[3:])
-    return replace(best, value=float(designs.bound[k]), place=place, volume=volume)
+    return cells, replace(best, value=float(designs.bound[k]), place=place, volume=volume)
 
 
 def _middles(term: CylinderTerm, cells: Cells) -> Array:
-    """Places in the middle of cells; of their volumes all vertices allowed there.
+    """Places in the middle of the first cells; of their volumes all vertices allowed there.
 
     Of the pairs of areas in them the one nearest to their middle.
     """
-    low, high = cells.low.copy(), cells.high.copy()
+    low, high = cells.low[:TRIALS].copy(), cells.high[:TRIALS].copy()
     low[:, :3] = high[:, :3] = (low[:, :3] + high[:, :3]) / 2
     if low.shape[1] == 3:
         return low

@@ -176,22 +176,23 @@ def certificate_within_bands(problem: Problem, x: Array, rows: Array) -> Certifi
 
 
 def certificates_within_bands(
-    searches: Sequence[Search], workers: int = 1, wanted: float | None = None
+    searches: Sequence[Search], workers: int = 1, wanted: Sequence[float] | None = None
 ) -> list[Certificate | None]:
     """``certificate_within_bands`` of several problems, on so many processes.
 
-    Each is sought until it is no more than is ``wanted`` [Hz], or as long as it falls.
+    Each is sought until it is no more than is ``wanted`` of it [Hz], or as long as it falls.
     """
+    enough: Sequence[float | None] = wanted or [None] * len(searches)
 
     def identity(k: int) -> Any:
         search = searches[k]
-        return [search.problem.identity, search.x.tolist(), search.rows.tolist(), wanted]
+        return [search.problem.identity, search.x.tolist(), search.rows.tolist(), enough[k]]
 
     def compute(numbers: list[int]) -> Iterator[tuple[int, Certificate | None]]:
         from joblib import Parallel, delayed
 
-        some = [searches[k] for k in numbers]
-        tasks = (delayed(_computed_within_bands)(s.problem, s.x, s.rows, wanted) for s in some)
+        some = [(searches[k], enough[k]) for k in numbers]
+        tasks = (delayed(_computed_within_bands)(s.problem, s.x, s.rows, w) for s, w in some)
         yield from zip(numbers, Parallel(workers, return_as="generator")(tasks), strict=True)
 
     def read(_: int, answer: Mapping[str, Any]) -> Certificate | None:

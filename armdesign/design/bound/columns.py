@@ -11,9 +11,11 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints, cylinder_constraints
 from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
+from armdesign.design.bound.cylinder_spring import Air
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.problem import Problem
+from armdesign.machine.machine import Machine
 
 KEPT = 400  # allowed designs at most of those that are drawn
 NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the region
@@ -47,7 +49,7 @@ class JointDrive:
         """The drive with its designs in a part (5,) of the region."""
         scale = float(low[2]), float(high[2])
         shape = replace(self.shape, low=low[:2], high=high[:2], scale=scale)
-        return replace(self, shape=shape, limits=self.limits.within(low[3:], high[3:]))
+        return replace(self, shape=shape, limits=self.limits.within(low, high))
 
     def place(self, problem: Problem, x: Array) -> Array:
         """Place (5,) in the region of the design x."""
@@ -72,6 +74,14 @@ class JointDrive:
         if pairs is None:
             return designs
         return np.column_stack([designs, random.choice(pairs, len(designs))])
+
+    def air(self, machine: Machine, gravity: Interval) -> Air | None:
+        """Softening of its oil by air under torques (n,) [N m]; None without air."""
+        if machine.fluid.air == 0:
+            return None
+        # reliefs make it but less
+        back = machine.cylinders[self.cylinder].preload(machine.supply.return_pressure)
+        return Air(fluid=machine.fluid, back=back, torque=gravity * self.shape.sign)
 
     def torque(self, whole: Interval) -> Interval:
         """Its own part of torques that all partners hold together."""

@@ -18,7 +18,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_areas import CylinderAreas
 from armdesign.design.bound.cylinder_loads import Loads, loads_of
-from armdesign.design.bound.cylinder_shape import Enclosure, Shape, shape_of
+from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Shape, shape_of
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_factor
@@ -27,6 +27,7 @@ from armdesign.machine.file.schema import share_of
 
 # of the largest moment arm: by what a parabola through its samples may rise above them
 PEAK = 1e-3
+BOXES = (24, 24, 1)  # of a region along b and scale, over which angles are compared
 NO_LOADS = Loads(angle=np.empty(0), held=np.empty((2, 0)), place=np.empty(0, dtype=int))
 
 
@@ -90,12 +91,14 @@ class CylinderConstraints:
         return self.volume if self.areas.pairs is None else self.areas.ends
 
     def within(self, low: Array, high: Array) -> CylinderConstraints:
-        """The same with others between ends (2,)."""
+        """The same in a part of the region, between ends (5,) of b, scale and others."""
+        scale = float(low[2]), float(high[2])
+        part = replace(self, shape=replace(self.shape, low=low[:2], high=high[:2], scale=scale))
         if self.areas.pairs is None:
-            return replace(self, volume=np.stack([low, high]))
-        areas = self.areas.within(low, high)
+            return replace(part, volume=np.stack([low[3:], high[3:]])).of_useful_angles()
+        areas = self.areas.within(low[3:], high[3:])
         assert areas is not None  # ends of areas are ends of pairs
-        return replace(self, areas=areas)
+        return replace(part, areas=areas).of_useful_angles()
 
     def allowed(self, low: Array, high: Array) -> AllowedBoxes:
         """Boxes (m, 3) of b and scale, or (m, 5) with ``others``, that may hold a design.
@@ -195,11 +198,33 @@ class CylinderConstraints:
         pairs = self.areas.pairs
         if pairs is None:
             return self
-        _, e, scale = self._placed(*self.shape.cells)
+        _, e, scale = self._placed(*self.shape.cut())
         stroke, scale = self._of_each_pair(e, scale, pairs)
         possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
         areas = CylinderAreas.of_pairs(pairs[possible.any(axis=0)])
         return None if areas is None else replace(self, areas=areas)
+
+    def of_useful_angles(self) -> CylinderConstraints:
+        """The same without angles that ask for less than others do, wherever in the region.
+
+        These have neither the least nor the largest moment arm in any of some boxes of it, nor a
+        load that can ask for most there.
+        """
+        low, high = self.shape.cut(BOXES)
+        kept = self.allowed(low, high).kept
+        if len(kept) == 0:
+            return self
+        e = self.shape.enclose(low[kept, :2], high[kept, :2])
+        arm, rate = ((part * self.shape.sign).above(LEAST) for part in (e.arm, e.rate))
+        ends, own = arm[:, : self.ranged], rate[:, : self.ranged]
+        useful = ends.low <= ends.high.min(axis=1, keepdims=True)
+        if self.torque.any():
+            useful |= own.high >= own.low.max(axis=1, keepdims=True)
+        first = np.flatnonzero(useful.any(axis=0)[2:])
+        held = rate[:, rate.low.shape[1] - len(self.loads.angle) :]
+        loads, kept = self.loads.useful(held)
+        angles = np.concatenate([first, self.ranged - 2 + kept])
+        return replace(self, shape=self.shape.at(angles), ranged=2 + len(first), loads=loads)
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""
@@ -328,7 +353,8 @@ def cylinder_constraints(
         supply=machine.supply.pressure,
         back=machine.supply.return_pressure,
     )
-    return limits.of_useful_pairs()
+    useful = limits.of_useful_pairs()
+    return None if useful is None else useful.of_useful_angles()
 
 
 def _torques(problem: Problem, i: int) -> tuple[Array, Array]:

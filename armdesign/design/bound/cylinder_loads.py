@@ -52,6 +52,26 @@ class Loads:
         easiest = np.minimum.reduceat(self.held[:, None] / size, starts, axis=2)
         return np.asarray(easiest.max(axis=2))
 
+    def useful(self, size: Interval) -> tuple[Loads, Array]:
+        """Loads that can be the greatest for rates (m, n) of this size, and their indices.
+
+        Of boxes (m,) each. Left out are places that ask for less than another does at least, and
+        poses that are harder than another of their place at most.
+        """
+        if len(self.angle) == 0:
+            return self, np.empty(0, dtype=int)
+        starts = np.flatnonzero(np.diff(self.place, prepend=-1))
+        count = np.diff([*starts, len(self.place)])
+        least, most = (self.held[:, None] / end for end in (size.high, size.low))
+        of_place = [np.minimum.reduceat(part, starts, axis=2) for part in (least, most)]
+        greatest = (of_place[1] > 0) & (of_place[1] >= of_place[0].max(axis=2, keepdims=True))
+        counts = np.repeat(greatest.any(axis=1), count, axis=1)  # of both ways
+        easiest = least <= np.repeat(of_place[1], count, axis=2)
+        kept = np.flatnonzero((counts & easiest.any(axis=1)).any(axis=0))
+        held, place = np.where(counts, self.held, 0.0)[:, kept], self.place[kept]
+        place = np.unique(place, return_inverse=True)[1]
+        return Loads(angle=self.angle[kept], held=held, place=place), kept
+
 
 def loads_of(problem: Problem, i: int, bars: Sequence[BarEnclosure], sign: float) -> Loads:
     """Loads of cylinder ``i``, of a moment arm of some sign, under ``bars``."""

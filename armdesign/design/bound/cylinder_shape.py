@@ -62,10 +62,9 @@ class Shape:
         """Lowest and highest b and scale (3,)."""
         return np.append(self.low, self.scale[0]), np.append(self.high, self.scale[1])
 
-    @property
-    def cells(self) -> tuple[Array, Array]:
+    def cut(self, counts: tuple[int, int, int] = FIRST) -> tuple[Array, Array]:
         """The region cut evenly: corners (m, 3) of cells of b and scale."""
-        cuts = zip(*self.region, FIRST, strict=True)
+        cuts = zip(*self.region, counts, strict=True)
         edges = [np.linspace(a, b, n + 1) if b > a else np.array([a, b]) for a, b, n in cuts]
         grids = [
             np.meshgrid(*[e[part] for e in edges], indexing="ij")

@@ -37,7 +37,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, congruent
-from armdesign.design.bound.branching import Maximum, maximum
+from armdesign.design.bound.branching import Cover, Maximum, maximum, part_of
 from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
@@ -47,7 +47,7 @@ from armdesign.design.bound.columns import (
     joined,
     known_columns,
 )
-from armdesign.design.bound.cylinder_spring import Air, Stiffening, Structure
+from armdesign.design.bound.cylinder_spring import Stiffening, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
@@ -66,6 +66,7 @@ AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
 CELLS = 20_000  # branched per cylinder
+COVER = 500  # cells with which the next branching of a cylinder begins, at most
 TRIED = 50  # known designs of a cylinder, the best, that branching begins with
 
 
@@ -99,6 +100,8 @@ class LagrangianDual:
     rows: Array
     columns: Columns
     pool: Columns
+    covers: list[Cover | None]  # of each drive: cells that hold all its allowed designs,
+    efforts: Array  # and how many its last branching took
 
     @classmethod
     def start(
@@ -135,6 +138,8 @@ class LagrangianDual:
             rows=watched[np.argsort(squared)[:ROWS]],
             columns=columns,
             pool=joined(*pool),
+            covers=[None] * len(some),
+            efforts=np.ones(len(some)),
         )
 
     def within(self, k: int, drive: JointDrive, multipliers: Multipliers) -> LagrangianDual:
@@ -145,8 +150,12 @@ class LagrangianDual:
         drives = (*self.drives[:k], drive, *self.drives[k + 1 :])
         order = np.argsort(-multipliers.mixture, kind="stable")[: COLUMNS - 1]
         columns = multipliers.columns[order].within(k, drive)
-        pool = self.pool.within(k, drive)
-        return replace(self, drives=drives, columns=columns, pool=pool)
+        pool, covers, known = self.pool.within(k, drive), [*self.covers], self.covers[k]
+        covers[k] = known and part_of(known, drive.region)
+        return replace(
+            self, drives=drives, columns=columns, pool=pool, covers=covers,
+            efforts=self.efforts.copy(),
+        )  # fmt: skip
 
     def join(self, k: int, most: Maximum) -> None:
         """Take the design of drive ``k`` that branching found, and others around it."""
@@ -264,12 +273,10 @@ class LagrangianDual:
             b, (cap, annulus) = columns.place[own, :2], columns.volume[own].T[:, :, None]
             e = d.shape.at(angles).enclose(b, b).centre
             place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
-            beta, gravity = (
-                self.problem.machine.fluid.bulk_modulus,
-                self.loads.gravity[rows, d.joint] / d.partners,
-            )
+            beta = self.problem.machine.fluid.bulk_modulus
+            gravity = self.loads.gravity[rows, d.joint] / d.partners
             stiff: Stiffening = (1.0, 1.0)
-            if air := self._air(d, interval(gravity)):
+            if air := d.air(self.problem.machine, interval(gravity)):
                 both = columns.volume[own]
                 cap_side, annulus_side = air.stiffening(interval(np.abs(rate)), both, both)
                 stiff = cap_side[:, 0], annulus_side[:, 0]
@@ -286,16 +293,6 @@ class LagrangianDual:
                 oil = oil * (1 - structure.yielding(oil, stroke.low[:, None]))
             entries[own] = beta * rate**2 * oil - gravity * bend
         return entries / self.reference
-
-    def _air(self, drive: JointDrive, gravity: Interval) -> Air | None:
-        """Softening of a drive's oil by air under torques (n,) [N m]; None without air."""
-        fluid, sign = self.problem.machine.fluid, drive.shape.sign
-        if fluid.air == 0:
-            return None
-        machine = self.problem.machine
-        # reliefs make it but less
-        back = machine.cylinders[drive.cylinder].preload(machine.supply.return_pressure)
-        return Air(fluid=fluid, back=back, torque=gravity * sign)
 
     def _structure(self, drive: JointDrive, gravity: Interval, rows: Array) -> Structure | None:
         """Structure in series with a drive at rows under torques (n,) [N m]; None: rigid at all.
@@ -369,7 +366,7 @@ class LagrangianDual:
         rows, given = multipliers.rows[own], multipliers.weight[own, k, k]
         torque = d.torque(self._gravity(rows)[:, d.joint])
         padded = Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
-        air, structure = self._air(d, padded), self._structure(d, padded, rows)
+        air, structure = d.air(self.problem.machine, padded), self._structure(d, padded, rows)
         angles, back = np.unique(d.angle[rows], return_inverse=True)
         if air or structure:
             # of one angle, other loads
@@ -434,8 +431,18 @@ class LagrangianDual:
         return [self.maximum(multipliers, k, tolerance) for k in range(len(self.drives))]
 
     def maximum(self, multipliers: Multipliers, k: int, tolerance: float) -> Maximum:
-        """The most that the term of drive ``k`` can be, to within its part of a tolerance."""
+        """The most that the term of drive ``k`` can be, to within its part of a tolerance.
+
+        Of the tolerance a drive has the more, the more cells it took: their number is about the
+        inverse of its part, so that parts as the roots of the numbers take least.
+        """
         term, known = self._term(multipliers, k), joined(self.columns, self.pool)
         known = known[known.drive == k]
         best = np.argsort(-self.values(known, multipliers))[:TRIED]
-        return maximum(term, tolerance / len(self.drives), CELLS, known.place[best])
+        share = np.sqrt(self.efforts)
+        tolerance = tolerance * float(share[k] / share.sum())
+        most = maximum(term, tolerance, CELLS, known.place[best], self.covers[k])
+        self.efforts[k] = most.cells
+        if len(most.leaves[0]) <= COVER:
+            self.covers[k] = most.leaves
+        return most

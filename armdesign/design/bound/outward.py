@@ -57,7 +57,7 @@ def certified(proof: Proof) -> float:
     exact = positive_product(given.weight)
     diagonal = np.arange(given.weight.shape[1])
     up = np.frompyfunc(rounded_up, 1, 1)(exact[:, diagonal, diagonal]).astype(float)
-    up[given.trace == 0] = 0.0
+    up[~given.weight.any(axis=(1, 2))] = 0.0  # rows that do not count
     exact[:, diagonal, diagonal] = exactly(up)
     pick = np.ix_(given.rows, np.array(dual.free), np.array(dual.free))
     mass, slope = dual.fixed.mass[pick], dual.fixed.slope[pick]

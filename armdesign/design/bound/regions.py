@@ -29,9 +29,10 @@ REGIONS = 24  # looked at
 ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
-COARSE, FINE = 0.02, 1e-3  # tolerance of branching, of ω²
+COARSE, FINE = 0.01, 1e-3  # tolerance of branching, of ω²
 # of frequency, over the design at hand, where cutting ends, and rounds of the whole
-ENOUGH, PLENTY = 0.03, 0.01
+ENOUGH, PLENTY = 0.0275, 0.01
+SLICE = 0.1  # of a region, the least that a cut leaves on either side
 MIXED = 1e-3  # share of a mixture that counts
 
 
@@ -86,10 +87,11 @@ def lowest_bound(dual: LagrangianDual, wanted: float | None = None) -> float:
     return max(max(r.bound, certified(r.proof)) if r.proof else math.inf for r in regions)
 
 
-def _refined(region: Region, rounds: int, enough: float, fair: float = -math.inf) -> Region:
-    """The region with better multipliers, until they are close or the bound is low enough.
+def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Region:
+    """The region with better multipliers, until they are close or its bound is low: plenty.
 
-    A ``fair`` bound ends them too, where less than half of its gap can still be closed.
+    Where it is ``enough`` they end too, if less than half of its gap can still be closed. Where
+    even mixtures exceed that, cutting does more than rounds and finer branching.
     """
     dual = region.dual
     for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else rounds):
@@ -98,15 +100,17 @@ def _refined(region: Region, rounds: int, enough: float, fair: float = -math.inf
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
         mixed = multipliers.mixed
-        known = enough if mixed < enough else region.bound
-        tolerance = float(np.clip(0.2 * (known - mixed), FINE, COARSE))
+        known = plenty if mixed < plenty else region.bound
+        left = max(0.2 * (known - mixed), 0.1 * (mixed - enough))  # to rounds, or to cuts
+        tolerance = float(np.clip(left, FINE, COARSE))
         maxima = tuple(dual.maxima(multipliers, tolerance))
         region = replace(region, multipliers=multipliers, maxima=maxima)
         region = region.improved(dual, multipliers, maxima)
         bound = region.bound
-        close = max(CLOSE, (1.0 if bound <= fair else NEARER) * (mixed - dual.reached))
+        gain = mixed - min(dual.reached, enough)
+        close = max(CLOSE, (1.0 if bound <= enough else NEARER) * gain)
         reached = all(math.isfinite(most.value) for most in maxima)
-        if bound <= enough or bound - mixed < close or not reached:
+        if bound <= plenty or bound - mixed < close or not reached:
             break
         dual.learn(multipliers, maxima)
     return region
@@ -134,7 +138,8 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
         at_mean, *along = values @ weight
         low, high = drive.region
         inside = (mean > low) & (mean < high)
-        gains += [(along[a] - at_mean, k, a, mean[a]) for a in range(5) if inside[a]]
+        place = np.clip(mean, *(low + share * (high - low) for share in (SLICE, 1 - SLICE)))
+        gains += [(along[a] - at_mean, k, a, place[a]) for a in range(5) if inside[a]]
     best = max(gains, default=(0.0, 0, 0, 0.0))
     return best[1:] if best[0] > 0 else None
 
@@ -166,4 +171,4 @@ def _part(region: Region, k: int, axis: int, place: float, upper: bool, enough: 
     if part.bound <= enough or not math.isfinite(maxima[k].value):
         return part
     dual.join(k, maxima[k])
-    return _refined(part, ROUNDS_OF_PARTS, enough)
+    return _refined(part, ROUNDS_OF_PARTS, enough, enough)

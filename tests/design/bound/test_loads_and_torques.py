@@ -14,9 +14,14 @@ import pytest
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design.bound.certificate import Certificate, certificate_of
 from armdesign.design.bound.columns import joint_drives
-from armdesign.design.bound.cylinder_constraints import PEAK, cylinder_constraints
+from armdesign.design.bound.cylinder_constraints import (
+    PEAK,
+    CylinderConstraints,
+    cylinder_constraints,
+)
 from armdesign.design.bound.cylinder_loads import Loads
 from armdesign.design.bound.cylinder_shape import coordinates
+from armdesign.design.bound.intervals import Interval
 from armdesign.design.program.constraints import constraints_at, evaluations_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.holding import Lift
@@ -115,6 +120,45 @@ def test_of_several_poses_of_a_place_the_easiest_counts() -> None:
     size = np.array([[1.0, 2.0, 1.0], [3.0, 1.0, 0.5]])
     # by hand: min(6/1, 8/2) and 2/1; min(6/3, 8/1) and 2/0.5; pulling 0 and 3/1, 0 and 3/0.5
     np.testing.assert_array_equal(loads.most(size), [[4.0, 4.0], [3.0, 6.0]])
+
+
+def test_loads_that_are_left_out_ask_for_less() -> None:
+    """At any rates between the ends given, those that are useful ask for as much as all do: ten
+    places, some of two poses, that push and pull.
+    """
+    random = np.random.default_rng(0)
+    place = np.repeat(np.arange(10), 1 + np.arange(10) % 2)
+    n, left_out = len(place), 0
+    for _ in range(50):
+        held = random.uniform(1, 4, (2, n)) * (random.uniform(size=(2, n)) < 0.7)
+        loads = Loads(angle=np.arange(n), held=held, place=place)
+        low = random.uniform(1, 4, (3, n))
+        ends = Interval(low, low * random.uniform(1, 1.3, (3, n)))
+        useful, kept = loads.useful(ends)
+        rates = random.uniform(ends.low, ends.high)
+        np.testing.assert_array_equal(useful.most(rates[:, kept]), loads.most(rates))
+        np.testing.assert_array_equal(useful.angle, loads.angle[kept])
+        left_out += n - len(kept)
+    assert left_out > 50
+
+
+@pytest.mark.parametrize("kind", KEPT)
+def test_angles_that_are_left_out_ask_for_less(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without them the same designs are allowed, with the same volumes."""
+    settings, _ = KEPT[kind]
+    problem = lifting() if kind == "lifts" else problem_of("double", **settings)
+    few = [cylinder_constraints(problem, i) for i in range(2)]
+    monkeypatch.setattr(CylinderConstraints, "of_useful_angles", lambda limits: limits)
+    for i, useful in enumerate(few):
+        limits = cylinder_constraints(problem, i)
+        assert limits is not None
+        assert useful is not None
+        assert len(useful.shape.constant) < len(limits.shape.constant)
+        places = np.random.default_rng(i).uniform(*limits.shape.region, (4000, 3))
+        ours, all_angles = useful.allowed(places, places), limits.allowed(places, places)
+        assert len(ours.kept) > 20
+        np.testing.assert_array_equal(ours.kept, all_angles.kept)
+        np.testing.assert_allclose(ours.volume, all_angles.volume, rtol=1e-12)
 
 
 def near_bound(search: Search, gap: float) -> Certificate:
