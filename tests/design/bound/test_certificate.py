@@ -215,9 +215,9 @@ def test_branching_against_dense_sampling(name: str) -> None:
     problem = search.problem
     dual = LagrangianDual.start(problem, joint_drives(problem), search.x, search.rows)
     multipliers = dual.converged()
-    maxima = dual.maxima(multipliers, COARSE)
+    maxima = dual.maxima(multipliers, REACHED)
     for k, (drive, most) in enumerate(zip(dual.drives, maxima, strict=True)):
-        assert most.value <= most.upper <= most.value + COARSE
+        assert most.value <= most.upper <= most.value + REACHED
         own = f".{problem.machine.cylinders[drive.cylinder].name}"
         values = []
         for x in [search.x, *feasible_designs(problem, 15, k, own)]:
