@@ -18,6 +18,7 @@ from armdesign.design.search.sequential_sdp import Search
 
 Pins = tuple[str, ...]  # key paths of pins that move
 Bounds = Mapping[Pins, float]  # what no design of a set reaches more than [Hz]
+TOGETHER = 2  # sets, at least, whose bounds are sought at a time
 NEAR = 0.005  # share above what is known of a set, where a bound that rules nothing out ends
 
 
@@ -40,15 +41,25 @@ def bounds_of_others(
         known: bounds at hand, which are not sought again.
     """
     bounds = dict(known or {})
-    for chosen, reached in sorted(best.items(), key=lambda one: -len(one[0])):
-        left = [
-            some
-            for some in others(pins, chosen)
-            if some in searches and some not in bounds and most_of(some, bounds) > reached
-        ]
-        wanted = [_wanted(unrounded.get(some, 0.0), reached) for some in left]
-        found = certificates_within_bands([searches[some] for some in left], workers, wanted)
-        bounds |= {some: one.frequency for some, one in zip(left, found, strict=True) if one}
+    largest_first = sorted(best.items(), key=lambda one: -len(one[0]))
+    waiting = [
+        (some, reached)
+        for chosen, reached in largest_first
+        for some in others(pins, chosen)
+        if some in searches and some not in bounds
+    ]
+    while left := [
+        (some, reached) for some, reached in waiting if most_of(some, bounds) > reached
+    ]:
+        as_many = [one for one in left if len(one[0]) == len(left[0][0])]
+        looked_at = as_many if len(as_many) >= TOGETHER else left[:TOGETHER]
+        wanted = [_wanted(unrounded.get(some, 0.0), reached) for some, reached in looked_at]
+        some_searches = [searches[some] for some, _ in looked_at]
+        found = certificates_within_bands(some_searches, workers, wanted)
+        bounds |= {
+            some: one.frequency for (some, _), one in zip(looked_at, found, strict=True) if one
+        }
+        waiting = [one for one in left if one not in looked_at]
     return bounds
 
 

@@ -407,7 +407,8 @@ def _designs(
         return [searches[k].problem.identity, command, repr(sizes), searches[k].x.tolist()]
 
     def designs_of(numbers: list[int]) -> Iterator[tuple[int, Design | InfeasibleError]]:
-        some = ((k, searches[k]) for k in numbers)
+        longest_first = sorted(numbers, key=lambda k: -len(searches[k].problem.vector.vary))
+        some = ((k, searches[k]) for k in longest_first)
         tasks = (delayed(_design)(k, s.problem, s.x, sizes, command) for k, s in some)
         yield from Parallel(workers, return_as="generator_unordered")(tasks)
 
@@ -425,6 +426,8 @@ def _design(
     """The design of a search, or why there is none, with the number of the search."""
     try:
         outcome = outcome_of(problem, sizes, 1, given=(np.asarray(x), ()))
-        return k, Design.of(outcome, command=command)
     except InfeasibleError as error:
         return k, error
+    design = Design.of(outcome, command=command)
+    _gain(design)  # which it remembers
+    return k, design
