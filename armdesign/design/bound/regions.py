@@ -30,8 +30,8 @@ ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
 COARSE, FINE = 0.01, 1e-3  # tolerance of branching, of ω²
-# of frequency, over the design at hand, where cutting ends, and rounds of the whole
-ENOUGH, PLENTY = 0.0275, 0.01
+# of frequency, over the design at hand: where cutting ends; for each cylinder, where rounds end
+ENOUGH, PLENTY = 0.0275, 0.0033
 SLICE = 0.1  # of a region, the least that a cut leaves on either side
 MIXED = 1e-3  # share of a mixture that counts
 
@@ -70,7 +70,8 @@ def lowest_bound(dual: LagrangianDual, wanted: float | None = None) -> float:
     reaches.
     """
     reached = max(dual.reached, 0.0)
-    enough, plenty = reached * (1 + ENOUGH) ** 2, reached * (1 + PLENTY) ** 2
+    enough = reached * (1 + ENOUGH) ** 2
+    plenty = reached * (1 + PLENTY * len(dual.drives)) ** 2
     if wanted is not None:
         enough = plenty = wanted
     regions = [_refined(Region(dual=dual, bound=math.inf), ROUNDS, plenty, enough)]
