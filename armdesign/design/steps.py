@@ -222,17 +222,15 @@ def steps(
     sizes, grid = sizes_and_grid(machine, options["catalogue"])
     pins = _pins(machine)
 
-    def posed(some: Pins) -> Problem:
-        return formulate(
-            machine, workspace, requirements, ("areas", *some), bands=options["bands"],
-            objective=objective, grid=grid,
-        )  # fmt: skip
-
+    problem = formulate(
+        machine, workspace, requirements, ("areas", *pins), bands=options["bands"],
+        objective=objective, grid=grid,
+    )  # fmt: skip
     if sizes and pins:
-        refuse_unfit_catalogue(posed(pins))
+        refuse_unfit_catalogue(problem)
     best: dict[Pins, Search] = {}
     for count in range(len(pins) + 1):
-        problems = {some: posed(some) for some in _sets(pins, count, best)}
+        problems = {some: problem.varying(("areas", *some)) for some in _sets(pins, count, best)}
         best |= _searched(problems, best, starts, seed, workers)
     command = _command(options)
     most = BUILT if sizes else 1

@@ -88,6 +88,11 @@ class Problem:
         dynamics = Dynamics(vector=vector, corners=corners)
         return cls(dynamics=dynamics, requirements=requirements)
 
+    def varying(self, vary: tuple[str, ...]) -> Problem:
+        """The problem in which something else of today's machine varies, with the same corners."""
+        vector = DesignVector.of(self.machine, self.workspace, self.requirements, vary)
+        return replace(self, dynamics=Dynamics(vector=vector, corners=self.dynamics.corners))
+
     @property
     def vector(self) -> DesignVector:
         """Meaning of the entries of x."""
