@@ -28,7 +28,7 @@ from armdesign.machine.machine import Machine
 
 
 class SearchOptions(TypedDict, total=False):
-    """How a design is searched for: what ``optimize``, ``least`` … share."""
+    """How ``optimize``, ``least``, ``pareto`` and ``steps`` search for designs."""
 
     starts: int | None
     seed: int

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.mechanism.jets import cross
 from armdesign.mechanism.urdf import Joint
 from armdesign.units import GRAVITY
 
@@ -87,7 +88,7 @@ def inertia_and_gravity(
         for i in chains[j]:
             felt = momentum
             if turns[i]:
-                felt = angular if i == j else angular + _cross(foot[j] - foot[i], momentum)
+                felt = angular if i == j else angular + cross(foot[j] - foot[i], momentum, axis=0)
                 rising = axis[i, 0] * momentum[1] - axis[i, 1] * momentum[0]
                 slope[i, j] = slope[j, i] = GRAVITY * rising
             inertia[i, j] = inertia[j, i] = np.einsum("an,an->n", axis[i], felt)
@@ -115,9 +116,11 @@ class _Carried(NamedTuple):
     def momenta(self, revolute: bool, axis: Array) -> tuple[Array, Array]:
         """Momentum, and angular momentum about the foot, at unit speed along an axis (3, n)."""
         if not revolute:
-            return self.mass * axis, _cross(self.first, axis)
+            return self.mass * axis, cross(self.first, axis, axis=0)
         trace = self.second[0, 0] + self.second[1, 1] + self.second[2, 2]
-        return _cross(axis, self.first), trace * axis - np.einsum("abn,bn->an", self.second, axis)
+        return cross(axis, self.first, axis=0), trace * axis - np.einsum(
+            "abn,bn->an", self.second, axis
+        )
 
 
 def _carried_alone(bodies: Bodies, rotation: Array) -> list[_Carried]:
@@ -136,11 +139,3 @@ def _components_first(values: Array) -> Array:
 
 def _poses_first(values: Array) -> Array:
     return np.ascontiguousarray(np.moveaxis(values, -1, 0))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross products of vectors (3, n)."""
-    product = np.empty_like(a)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.subtract(a[j] * b[k], a[k] * b[j], out=product[i])
-    return product

@@ -36,12 +36,12 @@ class Jet:
         return self._second
 
     def __add__(self, other: Self) -> Self:
-        second = lambda: self.second + other.second  # noqa: E731
-        return type(self)(self.value + other.value, self.first + other.first, second)
+        value, first = self.value + other.value, self.first + other.first
+        return type(self)(value, first, lambda: self.second + other.second)
 
     def __sub__(self, other: Self) -> Self:
-        second = lambda: self.second - other.second  # noqa: E731
-        return type(self)(self.value - other.value, self.first - other.first, second)
+        value, first = self.value - other.value, self.first - other.first
+        return type(self)(value, first, lambda: self.second - other.second)
 
     def __neg__(self) -> Self:
         return self._scaled(-1.0)
@@ -127,7 +127,7 @@ def _product(
     return kind(multiply(a.value, b.value), first, second)
 
 
-def cross(a: Array, b: Array) -> Array:
-    """Cross product over the last axis; on small arrays several times faster than numpy's."""
-    forward = a.take(AHEAD, -1) * b.take(BEHIND, -1)
-    return np.asarray(forward - a.take(BEHIND, -1) * b.take(AHEAD, -1))
+def cross(a: Array, b: Array, axis: int = -1) -> Array:
+    """Cross product over an axis; on small arrays several times faster than numpy's."""
+    forward = a.take(AHEAD, axis) * b.take(BEHIND, axis)
+    return np.asarray(forward - a.take(BEHIND, axis) * b.take(AHEAD, axis))

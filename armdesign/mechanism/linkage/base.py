@@ -21,7 +21,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, side_by_side
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.arm import Arm, RigidPoses
-from armdesign.mechanism.jets import ScalarJet, Second, VectorJet
+from armdesign.mechanism.jets import Jet, ScalarJet, VectorJet
 
 Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
 
@@ -34,23 +34,23 @@ class Pin:
     at: tuple[float, float, float]
 
 
-class Actuation:
-    """Length [m], moment arm [m/rad] and its derivative over n poses and k coordinates.
+class Actuation(Jet):
+    """A length over n poses, with its derivatives by all k coordinates, zero for springs."""
 
-    Attributes:
-        length: (n,).
-        moment_arm: (n, k), zero for springs.
-    """
+    @property
+    def length(self) -> Array:
+        """(n,) [m]."""
+        return self.value
 
-    def __init__(self, length: Array, moment_arm: Array, derivative: Second) -> None:
-        self.length, self.moment_arm, self._derivative = length, moment_arm, derivative
+    @property
+    def moment_arm(self) -> Array:
+        """(n, k) [m/rad]."""
+        return self.first
 
     @property
     def moment_arm_derivative(self) -> Array:
         """(n, k, k), computed when it is asked for."""
-        if not isinstance(self._derivative, np.ndarray):
-            self._derivative = self._derivative()
-        return self._derivative
+        return self.second
 
 
 @dataclass(frozen=True, eq=False)
