@@ -58,7 +58,7 @@ ROOMS = (
 DOORS = {  # library: the only modules that may import it
     "pinocchio": {"mechanism.arm", "simulation.plant.rigid_bodies"},
     "ezdxf": {"exchange.dxf"},
-    "matplotlib": {"plots.canvas"},
+    "matplotlib": {"plots.canvas", "plots.layout"},
     "shapely": {"drawing.outlines"},
     "viser": {"viewing.stage"},
     "websockets": {"viewing.stage"},
@@ -73,7 +73,7 @@ DOORS = {  # library: the only modules that may import it
     "typer": {"cli", "options"},
     "jinja2": {"report.page"},
     "bokeh": {"report.interactive"},
-    "PIL": {"report.page"},
+    "PIL": {"plots.canvas", "report.page"},
     "control": {"simulation.linear_model"},
     "distributed": {"sweeps.cluster"},
     "threadpoolctl": {"sweeps.worker"},

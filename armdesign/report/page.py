@@ -1,6 +1,6 @@
 """The page of a report: one HTML file that needs no network, for screens, phones and paper.
 
-The only door to jinja2 and pillow.
+The only door to jinja2.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from armdesign.report.sheet import Sheet
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-COLOURS = 128  # of a picture on the page: enough for maps, a third of the size
-WIDEST = 1200  # [pixels] of a picture on the page
+WIDEST = 1500  # [pixels] of a picture on the page, as wide as ``plots.save`` writes them
+COLOURS = 128  # of one that was written elsewhere
 PAPER = 95  # letters in a line of a printed table
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
@@ -91,17 +91,27 @@ def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
 
     path = folder / Path(picture.file).name  # of no other folder
     try:
-        with Image.open(path) as image:
-            plain = _on_white(image)
-        plain.thumbnail((WIDEST, 4 * WIDEST))
-        few, stream = plain.quantize(COLOURS, Image.Quantize.FASTOCTREE), io.BytesIO()
-        white = (255 if value == 254 else value for value in few.getpalette() or ())
-        few.putpalette(list(white))  # the octree's brightest is one step below
-        few.save(stream, format="PNG")
+        dots = path.read_bytes()
+        with Image.open(io.BytesIO(dots)) as image:
+            image.load()
+            drawn_here = image.format == "PNG" and image.mode == "P" and image.width <= WIDEST
+            dots = dots if drawn_here else _few_dots(image)
     except (OSError, UnidentifiedImageError):
         return EmbeddedPicture(picture.caption, picture.file, "")
-    data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return EmbeddedPicture(picture.caption, picture.file, data)
+    return EmbeddedPicture(picture.caption, picture.file, base64.b64encode(dots).decode("ascii"))
+
+
+def _few_dots(image: Image) -> bytes:
+    """A picture as small PNG."""
+    from PIL.Image import Quantize
+
+    plain, stream = _on_white(image), io.BytesIO()
+    plain.thumbnail((WIDEST, 4 * WIDEST))
+    few = plain.quantize(COLOURS, Quantize.FASTOCTREE)
+    white = (255 if value == 254 else value for value in few.getpalette() or ())
+    few.putpalette(list(white))  # the octree's brightest is one step below
+    few.save(stream, format="PNG")
+    return stream.getvalue()
 
 
 def _on_white(image: Image) -> Image:

@@ -1,0 +1,111 @@
+"""Places of axes in a figure: as large as what stands around them permits, found in one pass.
+
+Measured are ticks, labels, titles, colour bars and legends, not what is drawn; the axes of a
+column have one width, those of a row one height, in the proportions of their grid. Matplotlib's
+own layout measures all that is drawn, twice, and takes longer than drawing it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.layout_engine import LayoutEngine
+from matplotlib.transforms import Bbox
+
+from armdesign.arrays import Array
+
+if TYPE_CHECKING:
+    from armdesign.plots.canvas import Axes, Figure
+
+PAD = 0.042  # [in] around each of the axes with what stands around them
+
+
+class OnePass(LayoutEngine):
+    """Layout of figures whose axes are in one grid; titles of the figure above, legends below."""
+
+    _adjust_compatible = False
+    _colorbar_gridspec = False
+
+    def execute(self, fig: Figure) -> None:
+        """Place all axes: first about where they will be, for colour bars grow with them."""
+        axes = [ax for ax in fig.axes if ax.get_visible() and ax.get_subplotspec() is not None]
+        if axes:
+            renderer = fig._get_renderer()
+            outside = _title_and_legends(fig, renderer)
+            _place(fig, axes, np.array([_usual_room(ax) for ax in axes]), outside)
+            rooms = np.array([_room(ax, renderer) for ax in axes]) / fig.dpi
+            _place(fig, axes, rooms, outside)
+
+
+def _place(fig: Figure, axes: Sequence[Axes], rooms: Array, outside: tuple[float, float]) -> None:
+    """Place axes with rooms (n, 4) about them [in], left, right, below and above."""
+    (width, height), (above, below) = fig.get_size_inches(), outside
+    specs: list[Any] = [ax.get_subplotspec() for ax in axes]
+    grid, padded = specs[0].get_gridspec(), rooms + PAD
+    columns, rows = ([getattr(s, span) for s in specs] for span in ("colspan", "rowspan"))
+    across = _ends(columns, padded[:, :2], grid.get_width_ratios(), width)
+    down = _ends(rows, padded[:, :1:-1], grid.get_height_ratios(), height - above - below)
+    for ax, (left, right), (top, bottom) in zip(axes, across, down + above, strict=True):
+        corners = np.array([[left, height - bottom], [right, height - top]])
+        ax._set_position(Bbox(corners / (width, height)), which="original")
+
+
+def _usual_room(ax: Axes) -> tuple[float, float, float, float]:
+    """Room [in] about axes, left, right, below and above, before it is measured."""
+    bars = any(child.get_visible() for child in ax.child_axes)
+    return 0.6, 0.9 if bars else 0.1, 0.5, 0.3
+
+
+def _room(ax: Axes, renderer: Any) -> tuple[float, float, float, float]:
+    """Room beside axes, left, right, below and above [px], that what stands around them takes."""
+    ax.apply_aspect()
+    for child in ax.child_axes:
+        locator = child.get_axes_locator()
+        child.apply_aspect(locator(child, renderer) if locator else None)
+    box = ax.get_window_extent(renderer)
+    around = Bbox.union([box, *_around(ax, renderer)])
+    titles = [text for text in (ax.title, ax._left_title, ax._right_title) if text.get_text()]
+    top = max([around.y1, *(text.get_window_extent(renderer).y1 for text in titles)])
+    return box.x0 - around.x0, around.x1 - box.x1, box.y0 - around.y0, top - box.y1
+
+
+def _around(ax: Axes, renderer: Any) -> Iterator[Bbox]:
+    """Boxes of ticks with their labels, of colour bars and of a legend."""
+    for part in (ax, *(child for child in ax.child_axes if child.get_visible())):
+        for axis in (part.xaxis, part.yaxis) if part.axison else ():
+            if (box := axis.get_tightbbox(renderer, for_layout_only=True)) is not None:
+                yield box
+    if (legend := ax.get_legend()) is not None:
+        yield legend.get_window_extent(renderer)
+
+
+def _title_and_legends(fig: Figure, renderer: Any) -> tuple[float, float]:
+    """Height [in] above all axes for the figure's title, which is put there, and below them."""
+    above = below = 0.0
+    if (title := fig._suptitle) is not None:
+        title.set_y(1 - PAD / fig.get_size_inches()[1])
+        above = title.get_window_extent(renderer).height / fig.dpi + 2 * PAD
+    for legend in fig.legends:
+        below = max(below, legend.get_window_extent(renderer).height / fig.dpi + 2 * PAD)
+    return above, below
+
+
+def _ends(spans: Sequence[range], rooms: Array, ratios: Sequence[float], size: float) -> Array:
+    """Begin and end (n, 2) [in] of axes in one direction.
+
+    Args:
+        spans: columns or rows of the grid that each of the axes fill.
+        rooms: before and after them (n, 2) [in].
+        ratios: of the columns' or rows' sizes.
+        size: of the figure [in].
+    """
+    room = np.zeros((len(ratios), 2))
+    for span, (before, after) in zip(spans, rooms, strict=True):
+        room[span[0], 0] = max(room[span[0], 0], before)
+        room[span[-1], 1] = max(room[span[-1], 1], after)
+    sizes = np.array(ratios) / np.sum(ratios) * (size - room.sum())
+    ends = np.cumsum(room.sum(axis=1) + sizes) - room[:, 1]
+    begins = ends - sizes
+    return np.array([[begins[span[0]], ends[span[-1]]] for span in spans])
