@@ -46,9 +46,11 @@ ASTRAY = 4.0, 1.0, 0.3  # and how far astray from its lowest others are led back
 INEXACT = (
     0.01  # relative error of an interpolated frequency from which poses about it are computed
 )
+FAR = 1.15  # times a known frequency: what is found first is hardly 7 % above the lowest
 CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
+WHOLE = 1 - 1e-9  # of a cell: the longer side has one more than their number, whatever the rounding
 EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 
@@ -76,13 +78,13 @@ class ReachMap:
         return plots.reach_map(self, ax)
 
 
-def reach_map(cases: Sequence[CasePoses], points: Array, cells: int | None = None) -> ReachMap:
+def reach_map(cases: Sequence[CasePoses], points: Array, count: int | None = None) -> ReachMap:
     """The reach map of a machine, see ``FrequencyMap.reach_map``.
 
     Args:
         cases: the load cases over a workspace.
         points: reach, height, lowest frequency (n, 3) of their poses, one case after the other.
-        cells: number of cells along the longer side.
+        count: number of cells along the longer side.
     """
     workspace = cases[0].workspace
     of_case = np.split(points, np.cumsum([case.exists.sum() for case in cases])[:-1])
@@ -90,21 +92,26 @@ def reach_map(cases: Sequence[CasePoses], points: Array, cells: int | None = Non
         grid = Workspace.grid(workspace.machine, end_margin=workspace.end_margin)
         cases = list(load_cases(cases[0].machine, grid))
         of_case = [_computed(case.machine, grid.q[case.exists]) for case in cases]
-    parts = [points, *of_case]
+    known, between = np.concatenate([points, *of_case]), workspace.kind != "poses"
     if workspace.cells is not None:
-        reach, height = workspace.cells
+        cells, between = workspace.cells, False
     else:
-        known, between = np.concatenate(parts), workspace.kind != "poses"
         few = CELLS if between else max(5, int((len(known) / 10) ** 0.5))
         # a size even where the tool does not move
-        size = max(0.01, *np.ptp(known[:, :2], axis=0)) / (cells or min(CELLS, few))
-        reach, height = (np.arange(x.min(), x.max() + size, size) for x in known.T[:2])
-        for case, of_one in zip(cases, of_case, strict=True) if between else ():
-            parts.append(_Between(case, of_one).lowest(reach, height))
-    x, z, frequency = np.concatenate(parts).T
-    least = np.full((len(reach), len(height)), np.inf)
-    np.minimum.at(least, (nearest(reach, x), nearest(height, z)), frequency)
-    return ReachMap(reach, height, np.where(np.isinf(least), np.nan, least))
+        size = max(0.01, *np.ptp(known[:, :2], axis=0)) / (count or min(CELLS, few))
+        reach, height = (np.arange(x.min(), x.max() + WHOLE * size, size) for x in known.T[:2])
+        cells = reach, height
+    least = np.full([len(axis) for axis in cells], np.inf)
+    _lower(least, known, cells)
+    pairs = zip(cases, of_case, strict=True)
+    for case, of_one in sorted(pairs, key=lambda pair: pair[1][:, 2].min()) if between else ():
+        _lower(least, _Between(case, of_one).lowest(cells, least), cells)
+    return ReachMap(*cells, np.where(np.isinf(least), np.nan, least))
+
+
+def _lower(least: Array, points: Array, cells: tuple[Array, Array]) -> None:
+    """Take the frequencies of points (reach, height, frequency) into those of cells (nx, nz)."""
+    np.minimum.at(least.reshape(-1), _cell(points, *cells), points[:, 2])
 
 
 class _Between:
@@ -120,17 +127,24 @@ class _Between:
         self.ranges = self.workspace.ranges
         self.nodes = self._at_nodes(points[:, 2])
 
-    def lowest(self, reach: Array, height: Array) -> Array:
+    def lowest(self, cells: tuple[Array, Array], least: Array) -> Array:
         """Reach, height and frequency (n, 3) of the lowest pose of each cell that has any.
 
         Sought on interpolated frequencies; at the poses found they are computed.
+
+        Args:
+            cells: middles of the cells, along reach and along height [m].
+            least: frequencies that are known in the cells (nx, nz) [Hz]: where this load case's
+                are far above, no lower ones are sought.
         """
-        cells, fixed = (reach, height), joints_without_effect(self.machine)
+        fixed = joints_without_effect(self.machine)
         inside = box_poses(self.ranges, fixed, INSIDE, INSIDE // 2)
         q, points = self._tried(np.concatenate([inside, self._on_borders(cells)]))
-        tried = np.bincount(_cell(points, *cells), minlength=len(reach) * len(height))
+        tried = np.bincount(_cell(points, *cells), minlength=least.size)
         over = poses_over_rim(self.machine, self.ranges, q, points[:, :2], cells)
         q, points = self._lowest(cells, over, q, points)
+        matters = points[:, 2] < FAR * least.reshape(-1)[_cell(points, *cells)]
+        q, points = q[matters], points[matters]
         for width in ASTRAY:
             few = tried[_cell(points, *cells)] < FEW
             led = self._led_back(q[few], points[few], cells, width)
@@ -316,9 +330,11 @@ def _computed(case: Machine, q: Array) -> Array:
 
 def _lowest_of_cells(points: Array, reach: Array, height: Array) -> Array:
     """Which of the points (reach, height, frequency) is the lowest of each cell that has any."""
-    falling = np.argsort(points[:, 2], kind="stable")[::-1]
-    lowest = np.full(len(reach) * len(height), -1)
-    lowest[_cell(points[falling], reach, height)] = falling  # the last of a cell remains
+    cell, count = _cell(points, reach, height), len(reach) * len(height)
+    least, lowest = np.full(count, np.inf), np.full(count, -1)
+    np.minimum.at(least, cell, points[:, 2])
+    best = np.flatnonzero(points[:, 2] == least[cell])[::-1]
+    lowest[cell[best]] = best  # of several that are as low the first remains
     return lowest[lowest >= 0]
 
 

@@ -121,7 +121,8 @@ def _tipped(machine: Machine, q: Array, size: float) -> tuple[Array, Array]:
     def excess(poses: Array) -> Array:
         return machine.pitch_excess(machine.arm.kinematics(poses), machine.payload)
 
-    beyond, slopes = excess(q), np.zeros_like(q)
+    beyond = excess(q) if machine.payload.limits else np.full(len(q), -np.inf)
+    slopes = np.zeros_like(q)
     tipped = beyond > 0
     for joint, probe in enumerate(PROBE * np.eye(q.shape[1])) if tipped.any() else ():
         slopes[tipped, joint] = (excess(q[tipped] + probe) - beyond[tipped]) / PROBE

@@ -23,8 +23,9 @@ from armdesign.arrays import Array, chunks, stacked
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.composite_bodies import Bodies, inertia_and_gravity, model_indices
 from armdesign.mechanism.jets import VectorJet, cross
+from armdesign.mechanism.parallel_joints import turning_alike
 from armdesign.mechanism.spring import Spring
-from armdesign.mechanism.urdf import read_urdf, turned
+from armdesign.mechanism.urdf import read_urdf, rotated, turned
 from armdesign.transaction import undisturbed
 from armdesign.units import GRAVITY
 
@@ -195,6 +196,8 @@ class Arm:
 
     def heading(self, q: Array) -> Array:
         """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
+        if not self.slewing:
+            return np.broadcast_to(np.array([1.0, 0.0]), (len(q), 2))
         z = self.with_springs(q)
         angle = sum((sign * z[:, j] for j, sign in self.slewing.items()), np.zeros(len(q)))
         return np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -243,17 +246,27 @@ class Arm:
         axis = np.empty((k, n, 3), q.dtype)
         for index in self.outwards:
             joint = self.coordinates[index]
-            local, foot = joint.turned_by(q[:, index]), joint.translation
-            if joint.parent < 0:
-                rotation[index], translation[index] = local, foot
+            if index in self._alike:
+                signs, parts = self._alike[index]
+                rotation[index] = rotated(parts, q @ signs)
+            elif joint.parent < 0:
+                rotation[index] = joint.turned_by(q[:, index])
             else:
-                before = rotation[joint.parent]
-                np.matmul(before, local, out=rotation[index])
-                np.add(translation[joint.parent], turned(before, foot), out=translation[index])
+                local = joint.turned_by(q[:, index])
+                np.matmul(rotation[joint.parent], local, out=rotation[index])
+            translation[index] = joint.translation
+            if joint.parent >= 0:
+                foot = turned(rotation[joint.parent], joint.translation)
+                np.add(translation[joint.parent], foot, out=translation[index])
             axis[index] = turned(rotation[index], joint.axis)
             if not joint.revolute:
                 translation[index] += q[:, index, None] * axis[index]
         return rotation.swapaxes(0, 1), translation.swapaxes(0, 1), axis.swapaxes(0, 1)
+
+    @cached_property
+    def _alike(self) -> dict[int, tuple[Array, Array]]:
+        """What turns the coordinates that all before them turn about one direction."""
+        return turning_alike(self.coordinates, self._chains)
 
     def kinematics(self, q: Array) -> RigidPoses:
         """Placements at q (n, nq), with zeros for inertia and gravity: geometry alone."""
@@ -266,7 +279,8 @@ class Arm:
         body = self.links[link]
         if body.joint < 0:
             return np.broadcast_to(body.rotation, (len(poses), 3, 3))
-        return np.asarray(poses.rotation[:, body.joint] @ body.rotation)
+        rotation = poses.rotation[:, body.joint]
+        return np.asarray(rotation.reshape(-1, 3) @ body.rotation).reshape(-1, 3, 3)
 
     def point(self, poses: RigidPoses, link: str, at: Array) -> Array:
         """World position (n, 3) [m] of a point given in a link's frame: (3,), or by row (n, 3)."""
