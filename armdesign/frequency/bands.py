@@ -32,7 +32,13 @@ from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
 from armdesign.frequency.workspace import Workspace
-from armdesign.frequency.worst_frequency import Worst, lowest_of_poses, worst_frequency
+from armdesign.frequency.worst_frequency import (
+    Lowest,
+    Starts,
+    Worst,
+    lowest_of_poses,
+    worst_frequency,
+)
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
@@ -245,12 +251,14 @@ class Scenario:
         payload: name of its load case.
         q: its pose (nq,) [rad, m].
         corner: the values.
+        starts: as in ``Lowest``, at corners.
     """
 
     frequency: float
     payload: str
     q: Array
     corner: Corner
+    starts: Starts = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,19 +340,32 @@ def frequency_band(
         4.76 to 7.45 Hz
     """
     bands = bands or Bands.of(machine)
-    scenarios, lowest = [], []
-    for corner in bands.corners(machine, bands.ends):
-        at_end = bands.at_end(machine, corner.softest, today)
-        shares = corner.payload_share, corner.link_share
-        lowest.append(lowest_of_poses(at_end, workspace, *shares))
-        scenarios.append(_scenario(Worst.of(machine, workspace, *lowest[-1]), corner))
-    floor = np.min([frequency for frequency, _ in lowest], axis=0)
-    seeds = np.unique([frequency.argmin() for frequency, _ in lowest])
+    corners, nominal = _at_corners(machine, workspace, bands, today)
+    floor = np.min([lowest.frequency for lowest in corners.values()], axis=0)
+    seeds = np.unique([lowest.frequency.argmin() for lowest in corners.values()])
     return FrequencyBand(
-        scenarios=tuple(scenarios),
-        nominal=worst_frequency(machine, workspace).frequency,
+        scenarios=tuple(
+            _scenario(lowest.worst, corner, lowest.starts) for corner, lowest in corners.items()
+        ),
+        nominal=nominal.frequency,
         sample=partial(_between, machine, workspace, bands, (floor, seeds), today),
     )
+
+
+def _at_corners(
+    machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None
+) -> tuple[dict[Corner, Lowest], Worst]:
+    """What is lowest at every corner of the bands, and the worst with the file's values."""
+    ends = [bands.at_end(machine, softest, today) for softest in bands.ends]
+    known, nominal = dict[Corner, Lowest](), None
+    for shares in bands.mass_shares(machine):
+        stated = [machine] if shares == (1.0, 1.0) else []
+        lowest = lowest_of_poses([*ends, *stated], workspace, *shares)
+        known |= {Corner(end, *shares): lowest[k] for k, end in enumerate(bands.ends)}
+        nominal = lowest[-1].worst if stated else nominal
+    corners = bands.corners(machine, bands.ends)
+    nominal = nominal or worst_frequency(machine, workspace)
+    return {corner: known[corner] for corner in corners}, nominal
 
 
 def _between(
@@ -409,8 +430,8 @@ def scenario(
     return _scenario(worst, corner)
 
 
-def _scenario(worst: Worst, corner: Corner) -> Scenario:
-    return Scenario(frequency=worst.frequency, payload=worst.payload, q=worst.q, corner=corner)
+def _scenario(worst: Worst, corner: Corner, starts: Starts | None = None) -> Scenario:
+    return Scenario(**worst._asdict(), corner=corner, starts=starts or {})
 
 
 def _frequency(scenario: Scenario) -> float:

@@ -17,7 +17,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.errors import TopplingError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import Poses
+from armdesign.machine.poses import Poses, refuse_toppling
 from armdesign.mechanism.arm import RigidPoses
 
 
@@ -99,14 +99,20 @@ def in_chunks(
             yield case, rows.start + chosen, scaled_links(rigid[chosen], case.link_share)
 
 
-def poses_of(cases: Sequence[CasePoses], case: CasePoses, rigid: RigidPoses) -> Poses:
+def poses_of(cases: Sequence[CasePoses], case: CasePoses, at: RigidPoses | Poses) -> Poses:
     """A load case at a chunk of its poses; springs too soft there are told what all poses need.
+
+    They may be known of a machine that differs in oil, structure and springs alone.
 
     Raises:
         PoseError: as ``Machine.at`` does.
     """
     try:
-        return case.machine.at(rigid)
+        if isinstance(at, RigidPoses):
+            return case.machine.at(at)
+        poses = at.on(case.machine)
+        refuse_toppling(case.machine, poses)
+        return poses
     except TopplingError:
         refuse_toppling_anywhere(cases)
         raise

@@ -50,7 +50,9 @@ FAR = 1.15  # times a known frequency: what is found first is hardly 7 % above t
 CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
-WHOLE = 1 - 1e-9  # of a cell: the longer side has one more than their number, whatever the rounding
+WHOLE = (
+    1 - 1e-9
+)  # of a cell: the longer side has one more than their number, whatever the rounding
 EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 

@@ -7,9 +7,9 @@ load cases.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 
 STARTS = 4  # local searches per load case
+Starts: TypeAlias = dict[str, tuple[Array, float]]
 
 
 class Worst(NamedTuple):
@@ -30,12 +31,20 @@ class Worst(NamedTuple):
     payload: str
     q: Array
 
-    @classmethod
-    def of(cls, machine: Machine, workspace: Workspace, frequency: Array, case: Array) -> Worst:
-        """The worst of frequencies and load cases that ``lowest_of_poses`` gives."""
-        worst = int(frequency.argmin())
-        name = machine.payloads[case[worst]].name
-        return cls(float(frequency[worst]), name, workspace.q[worst])
+
+class Lowest(NamedTuple):
+    """The lowest coupled natural frequencies at a workspace's poses, not between them.
+
+    Attributes:
+        frequency: at each pose over its load cases (n,) [Hz], inf where none exists.
+        worst: the lowest of them.
+        starts: of every load case that exists anywhere, poses (m, nq) from which lower ones are
+            sought, the first with the lowest frequency [Hz] of all its poses.
+    """
+
+    frequency: Array
+    worst: Worst
+    starts: Starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,40 +78,63 @@ def worst_frequency(
     Raises:
         PoseError: a pose that this machine cannot take.
     """
-    lowest = lowest_of_poses(machine, workspace, payload_share, link_share)
-    return Worst.of(machine, workspace, *lowest)
+    return lowest_of_poses([machine], workspace, payload_share, link_share)[0].worst
 
 
 def lowest_of_poses(
-    machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
-) -> tuple[Array, Array]:
-    """The lowest frequency at each pose over its load cases (n,) [Hz], and whose it is (n,).
+    machines: Sequence[Machine],
+    workspace: Workspace,
+    payload_share: float = 1.0,
+    link_share: float = 1.0,
+) -> list[Lowest]:
+    """The lowest frequencies of machines that differ in oil, structure and springs alone.
 
-    inf where no load case exists. Arguments and errors as of ``worst_frequency``.
+    What these do not change is computed once. Arguments and errors as of ``worst_frequency``.
     """
-    cases = list(load_cases(machine, workspace, payload_share, link_share))
-    lowest, whose = np.full(len(workspace), np.inf), np.zeros(len(workspace), dtype=int)
-    for case, indices, rigid in in_chunks(cases, f"{machine.name}: worst frequency"):
+    shares = payload_share, link_share
+    of_machines = [list(load_cases(machine, workspace, *shares)) for machine in machines]
+    first = of_machines[0]
+    found: list[list[Array]] = [[] for _ in first]
+    for case, indices, rigid in in_chunks(first, f"{machines[0].name}: worst frequency"):
         if len(indices) > 0:
-            frequency = lowest_frequency(poses_of(cases, case, rigid))
-            lower = frequency < lowest[indices]
-            lowest[indices[lower]], whose[indices[lower]] = frequency[lower], cases.index(case)
-    return lowest, whose
+            k = first.index(case)
+            poses = poses_of(first, case, rigid)
+            others = (poses_of(cases, cases[k], poses) for cases in of_machines[1:])
+            found[k].append(np.stack([lowest_frequency(one) for one in (poses, *others)]))
+    exist = [k for k, parts in enumerate(found) if parts]
+    known = {k: np.concatenate(found[k], axis=1) for k in exist}
+    return [_lowest(first, {k: known[k][i] for k in exist}) for i in range(len(machines))]
+
+
+def _lowest(cases: Sequence[CasePoses], known: Mapping[int, Array]) -> Lowest:
+    """Of the frequencies of load cases at their poses, by the index of the load case."""
+    workspace = cases[0].workspace
+    lowest, whose = np.full(len(workspace), np.inf), np.zeros(len(workspace), dtype=int)
+    for k, frequency in known.items():
+        indices = cases[k].indices
+        lower = frequency < lowest[indices]
+        lowest[indices[lower]], whose[indices[lower]] = frequency[lower], k
+    worst = int(lowest.argmin())
+    at_worst = float(lowest[worst]), cases[whose[worst]].name, workspace.q[worst]
+    starts = {cases[k].name: _starts(cases[k], frequency) for k, frequency in known.items()}
+    return Lowest(lowest, Worst(*at_worst), starts)
 
 
 def worst_anywhere(
-    machine: Machine, workspace: Workspace, payload_share: float = 1.0, link_share: float = 1.0
+    machine: Machine,
+    workspace: Workspace,
+    payload_share: float = 1.0,
+    link_share: float = 1.0,
+    starts: Starts | None = None,
 ) -> WorstPose:
     """The worst pose over all load cases, on a workspace's poses and between them.
 
-    Arguments and errors as of ``worst_frequency``.
+    Arguments and errors as of ``worst_frequency``; ``starts``: if known, as in ``Lowest``.
     """
-    cases = list(load_cases(machine, workspace, payload_share, link_share))
-    lowest: dict[CasePoses, list[Array]] = {case: [] for case in cases if case.exists.any()}
-    for case, indices, rigid in in_chunks(cases, f"{machine.name}: worst frequency"):
-        if len(indices) > 0:
-            lowest[case].append(lowest_frequency(poses_of(cases, case, rigid)))
-    worst = (refined(case, np.concatenate(values)) for case, values in lowest.items())
+    shares = payload_share, link_share
+    starts = starts or lowest_of_poses([machine], workspace, *shares)[0].starts
+    cases = (case for case in load_cases(machine, workspace, *shares) if case.name in starts)
+    worst = (_from_starts(case, *starts[case.name]) for case in cases)
     return min(worst, key=lambda pose: pose.frequency)
 
 
@@ -111,9 +143,7 @@ def refined(case: CasePoses, frequency: Array) -> WorstPose:
 
     Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
     """
-    q = case.workspace.q[case.exists]
-    lowest = q[frequency.argmin()], float(frequency.min())
-    return worst_pose(case, *min((lowest, *local_minima(case, frequency)), key=lambda at: at[1]))
+    return _from_starts(case, *_starts(case, frequency))
 
 
 def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, float]]:
@@ -121,7 +151,17 @@ def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, flo
 
     Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
     """
-    for start in _distinct_minima(case.workspace, case.workspace.q[case.exists], frequency):
+    return _minima(case, _starts(case, frequency)[0])
+
+
+def _from_starts(case: CasePoses, starts: Array, lowest: float) -> WorstPose:
+    """The worst pose of a load case, sought from starts, the first the lowest known pose."""
+    known = starts[0], lowest
+    return worst_pose(case, *min((known, *_minima(case, starts)), key=lambda at: at[1]))
+
+
+def _minima(case: CasePoses, starts: Array) -> Iterator[tuple[Array, float]]:
+    for start in starts:
         minimum = _descend(case, start)
         if minimum is not None:
             poses = case.machine.at(case.rigid_at(minimum))
@@ -143,15 +183,18 @@ def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
     )
 
 
-def _distinct_minima(workspace: Workspace, q: Array, frequency: Array) -> list[Array]:
-    """Up to ``STARTS`` of the lowest poses that are a fifth of a joint range or more apart."""
-    span = np.ptp(workspace.ranges, axis=1)
+def _starts(case: CasePoses, frequency: Array) -> tuple[Array, float]:
+    """Up to ``STARTS`` of the lowest poses, a fifth of a joint range or more apart.
+
+    And the lowest ``frequency`` of all its poses (m,) [Hz].
+    """
+    q, span = case.workspace.q[case.exists], np.ptp(case.workspace.ranges, axis=1)
     lowest = q[np.argsort(frequency)[: max(200, len(q) // 20)]]
     chosen: list[Array] = []
     while len(lowest) > 0 and len(chosen) < STARTS:
         chosen.append(lowest[0])
         lowest = lowest[np.abs((lowest - lowest[0]) / span).max(axis=1) > 0.2]
-    return chosen
+    return np.array(chosen), float(frequency.min())
 
 
 def _descend(case: CasePoses, start: Array) -> Array | None:
@@ -171,12 +214,15 @@ def _descend(case: CasePoses, start: Array) -> Array | None:
         return float(f[0]), slopes
 
     def room(x: Array) -> Array:
-        rigid = machine.arm.kinematics((low + x * span)[None])
-        stroke = workspace.machine.margins(rigid)[0] - workspace.end_margin
-        tip = -machine.pitch_excess(rigid, payload) if payload.limits else np.empty(0)
-        return np.concatenate([stroke[[len(k.joints) > 1 for k in machine.drives]], tip])
+        rigid, left = machine.arm.kinematics((low + x * span)[None]), list[Array]()
+        if any(across):
+            left.append(workspace.machine.margins(rigid)[0, across] - workspace.end_margin)
+        if payload.limits:
+            left.append(-machine.pitch_excess(rigid, payload))
+        return np.concatenate(left)
 
-    constrained = bool(payload.limits) or any(len(k.joints) > 1 for k in machine.linkages)
+    across = [len(drive.joints) > 1 for drive in machine.drives]
+    constrained = bool(payload.limits) or any(across)
     result = minimize(
         value_and_gradient,
         (start - low) / span,

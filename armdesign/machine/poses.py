@@ -14,7 +14,7 @@ columns of R are zero, and their preload holds g there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -86,6 +86,15 @@ class Poses(ReadOnly):
         chosen = {name: getattr(self, name)[rows] for name in names}
         return Poses(machine=self.machine, **chosen)
 
+    def on(self, machine: Machine) -> Poses:
+        """These poses of a machine that differs in oil, structure and springs alone."""
+        return replace(
+            self,
+            machine=machine,
+            oil_stiffness=_oil_stiffness(machine, self.lengths, self.cylinder_forces),
+            spring_stiffness=np.zeros((len(self), 1)) + machine.spring_stiffness,
+        )
+
     @cached_property
     def hydraulic_stiffness(self) -> Array:
         """Rᵀ diag(k_h) R (n, k, k)."""
@@ -120,11 +129,6 @@ def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
     lengths = np.stack([a.length for a in actuation], axis=1)
     mass, gravity, gravity_stiffness = machine.loaded(rigid)
     forces = static_forces(moment_arms, gravity, machine.bore_areas, len(machine.joints))
-    extension = lengths - machine.closed_lengths
-    stiffness = [
-        actuator.stiffness(extension[:, i], forces[:, i], machine.fluid, machine.supply)
-        for i, actuator in enumerate(machine.actuators)
-    ]
     return Poses(
         machine=machine,
         q=rigid.q,
@@ -134,12 +138,22 @@ def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
         lengths=lengths,
         moment_arms=moment_arms,
         moment_arm_derivatives=np.stack([a.moment_arm_derivative for a in actuation], axis=1),
-        extensions=extension / machine.strokes,
+        extensions=(lengths - machine.closed_lengths) / machine.strokes,
         cylinder_forces=forces,
-        oil_stiffness=np.stack(stiffness, axis=1),
+        oil_stiffness=_oil_stiffness(machine, lengths, forces),
         spring_stiffness=np.zeros((len(rigid), 1)) + machine.spring_stiffness,
         tool=np.array(machine.arm.point(rigid, machine.tool.link, side_by_side(machine.tool.at))),
     )
+
+
+def _oil_stiffness(machine: Machine, lengths: Array, forces: Array) -> Array:
+    """Stiffness of every actuator at its lengths and static forces (n, nc)."""
+    extension = lengths - machine.closed_lengths
+    stiffness = [
+        actuator.stiffness(extension[:, i], forces[:, i], machine.fluid, machine.supply)
+        for i, actuator in enumerate(machine.actuators)
+    ]
+    return np.stack(stiffness, axis=1)
 
 
 def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joints: int) -> Array:

@@ -133,11 +133,12 @@ def _ends(
     for end in ("softest", "rigid"):
         poses[end] = None
         if band is not None:
-            corner = (band.low if end == "softest" else band.high).corner
-            machine = bands.at_end(frequencies.machine, corner.softest, today)
-            shares = corner.payload_share, corner.link_share
+            known = band.low if end == "softest" else band.high
+            softest, *shares = known.corner
+            machine = bands.at_end(frequencies.machine, softest, today)
             with suppress(PoseError):  # unstable between the poses
-                poses[end] = worst_anywhere(machine, frequencies.workspace, *shares)
+                workspace = frequencies.workspace
+                poses[end] = worst_anywhere(machine, workspace, *shares, known.starts)
     return poses
 
 
