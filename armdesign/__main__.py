@@ -6,7 +6,7 @@ import signal
 import sys
 
 THREADS = "OPENBLAS_NUM_THREADS"  # matrices have ten to a hundred rows: more threads only wait
-COLLECTED = 50_000, 10, 10  # as ``gc.set_threshold``: a run of seconds looks for cycles less often
+COLLECTED = 500_000, 10, 10  # as ``gc.set_threshold``: a run of seconds hardly looks for cycles
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,10 +49,11 @@ class DrawnBody:
     polygons: tuple[Array, ...]
 
 
-def bodies(machine: Machine, plane: PicturePlane) -> tuple[DrawnBody, ...]:
+@lru_cache(maxsize=8)  # every picture of a machine shows them
+def bodies(machine: Machine) -> tuple[DrawnBody, ...]:
     """Bodies of a machine: the one that stands still, then of each coordinate (k + 1)."""
     arm, folder = machine.arm, (machine.source.parent / (machine.section.urdf or "")).parent
-    of_links = visuals(machine.urdf_text, folder)
+    of_links, plane = visuals(machine.urdf_text, folder), PicturePlane(arm, machine.tool.link)
     groups = [
         tuple(name for name, link in arm.links.items() if link.joint == joint)
         for joint in range(-1, len(arm.coordinates))

@@ -234,7 +234,7 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
     z, arm = _coordinates(machine, q), machine.arm
     plane = PicturePlane(arm, machine.tool.link)
     poses = plane.poses(z)
-    drawn_bodies = known.bodies if known is not None else bodies(machine, plane)
+    drawn_bodies = known.bodies if known is not None else bodies(machine)
     where = {link: index for index, body in enumerate(drawn_bodies) for link in body.links}
     placements = np.stack([plane.placements(poses, body.link) for body in drawn_bodies], axis=1)
     pins, points, cylinders, bars, lengths = _between_pins(machine, plane, poses, where)

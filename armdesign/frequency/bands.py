@@ -344,9 +344,7 @@ def frequency_band(
     floor = np.min([lowest.frequency for lowest in corners.values()], axis=0)
     seeds = np.unique([lowest.frequency.argmin() for lowest in corners.values()])
     return FrequencyBand(
-        scenarios=tuple(
-            _scenario(lowest.worst, corner, lowest.starts) for corner, lowest in corners.items()
-        ),
+        scenarios=tuple(_scenario(of.worst, corner, of.starts) for corner, of in corners.items()),
         nominal=nominal.frequency,
         sample=partial(_between, machine, workspace, bands, (floor, seeds), today),
     )

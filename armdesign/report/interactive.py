@@ -111,7 +111,7 @@ def _library() -> str:
     except OSError as error:
         fault = f"its {LIBRARY} cannot be read ({error.strerror})"
         raise ArmDesignError("bokeh", fault, "install bokeh again") from None
-    return base64.b64encode(zlib.compress(text, 9)).decode("ascii")
+    return base64.b64encode(zlib.compress(text)).decode("ascii")
 
 
 def _map(model: _Models, scene: MapScene, index: int) -> Model:

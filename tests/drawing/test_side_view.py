@@ -113,7 +113,7 @@ def test_a_mesh_is_drawn_and_a_missing_one_is_not(tmp_path: Path) -> None:
         visual = f"<visual><geometry>{mesh}</geometry></visual>"
         urdf = urdf.replace(f'<link name="{link}">', f'<link name="{link}">{visual}')
     machine = Machine.from_text(machine.text, urdf, tmp_path / "odd.toml")
-    shapes = {b.link: b for b in bodies(machine, PicturePlane(machine.arm, machine.tool.link))}
+    shapes = {b.link: b for b in bodies(machine)}
     assert shapely.Polygon(shapes["boom"].polygons[0]).area == pytest.approx(1.0)
     assert shapes["stick"].source == "pins"
 
