@@ -48,7 +48,7 @@ WIDTH = 10.0  # [in] of every figure, so that words are of one size wherever two
 FORMATS = ("png", "svg", "pdf")
 _too = ContextVar("format in which a PNG is written, too", default="png")
 DOTS = 150  # per inch of a picture
-PALETTE = 256  # colours of a picture
+PALETTE = 256  # colours of a picture without a field
 POINTS = 72  # per inch, of sizes of letters
 PAPER = 0.88  # of the width of a part of a figure, for its title
 STYLE = {
@@ -195,23 +195,25 @@ def save(fig: Any, path: Path) -> Path:
         if kind == "png" and hasattr(fig.canvas, "buffer_rgba"):
             fig.set_dpi(DOTS)
             fig.canvas.draw()
-            _few_colours(fig.canvas.buffer_rgba()).save(path, dpi=(DOTS, DOTS))
+            _picture(fig).save(path, dpi=(DOTS, DOTS))
         else:
             dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
             fig.savefig(path, dpi=DOTS, metadata=dates.get(kind))
     return path
 
 
-def _few_colours(dots: Any) -> Any:
-    """A picture of opaque dots (height, width, 4) in its most used colours, or some near them.
+def _picture(fig: Any) -> Any:
+    """A figure as drawn, in few colours unless it shows a field, in which steps would be seen.
 
-    A third of the file, which pages hold as it is; no dot is off by what an eye sees.
+    Few colours are a third of the file, and pages hold it as it is.
     """
     from PIL import Image
 
-    picture = Image.fromarray(np.asarray(dots)).convert("RGB")
-    most_used = Image.Quantize.MAXCOVERAGE
-    return picture.quantize(PALETTE, most_used, dither=Image.Dither.NONE)
+    picture = Image.fromarray(np.asarray(fig.canvas.buffer_rgba())).convert("RGB")
+    drawn = (part for ax in fig.axes for part in ax.collections)
+    if any(np.size(part.get_array()) > PALETTE for part in drawn):
+        return picture
+    return picture.quantize(PALETTE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
 
 def literal(draw: Callable[P, T]) -> Callable[P, T]:

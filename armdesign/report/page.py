@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 WIDEST = 1500  # [pixels] of a picture on the page, as wide as ``plots.save`` writes them
-COLOURS = 128  # of one that was written elsewhere
+COLOURS = 128  # of one that has more than a palette: enough for maps, a third of the size
 PAPER = 95  # letters in a line of a printed table
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
@@ -94,8 +94,8 @@ def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
         dots = path.read_bytes()
         with Image.open(io.BytesIO(dots)) as image:
             image.load()
-            drawn_here = image.format == "PNG" and image.mode == "P" and image.width <= WIDEST
-            dots = dots if drawn_here else _few_dots(image)
+            small = image.format == "PNG" and image.mode == "P" and image.width <= WIDEST
+            dots = dots if small else _few_dots(image)
     except (OSError, UnidentifiedImageError):
         return EmbeddedPicture(picture.caption, picture.file, "")
     return EmbeddedPicture(picture.caption, picture.file, base64.b64encode(dots).decode("ascii"))
