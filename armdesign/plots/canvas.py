@@ -91,11 +91,11 @@ def figure(
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        from armdesign.plots.layout import OnePass
+        from armdesign.plots.layout import Places
 
     size = WIDTH, height * rows * WIDTH / (width * columns)
     with style():
-        fig = Figure(figsize=size, layout=OnePass())
+        fig = Figure(figsize=size, layout=Places())
         FigureCanvasAgg(fig)
         axes = fig.subplots(rows, columns, squeeze=False).ravel()
     show_in_notebooks(fig, axes)

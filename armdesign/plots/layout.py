@@ -1,8 +1,9 @@
-"""Places of axes in a figure: as large as what stands around them permits, found in one pass.
+"""Places of axes in a figure: as large as what stands around them permits.
 
 Measured are ticks, labels, titles, colour bars and legends, not what is drawn; the axes of a
 column have one width, those of a row one height, in the proportions of their grid. Matplotlib's
-own layout measures all that is drawn, twice, and takes longer than drawing it.
+own layout measures all that is drawn, twice, and takes longer than drawing it. Here one pass is
+enough where the axes become about as large as they were taken to be at first.
 """
 
 from __future__ import annotations
@@ -20,26 +21,36 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes, Figure
 
 PAD = 0.042  # [in] around each of the axes with what stands around them
+PASSES = 4  # at most
+ALIKE = 0.05  # change of size that hardly changes ticks
 
 
-class OnePass(LayoutEngine):
+class Places(LayoutEngine):
     """Layout of figures whose axes are in one grid; titles of the figure above, legends below."""
 
     _adjust_compatible = False
     _colorbar_gridspec = False
 
-    def execute(self, fig: Figure) -> None:
-        """Place all axes: first about where they will be, for colour bars grow with them."""
+    def execute(self, fig: Any) -> None:
+        """Place all axes; measured anew where their size changes, and with it perhaps ticks."""
         axes = [ax for ax in fig.axes if ax.get_visible() and ax.get_subplotspec() is not None]
-        if axes:
-            renderer = fig._get_renderer()
-            outside = _title_and_legends(fig, renderer)
-            _place(fig, axes, np.array([_usual_room(ax) for ax in axes]), outside)
-            rooms = np.array([_room(ax, renderer) for ax in axes]) / fig.dpi
+        if not axes:
+            return
+        renderer = fig._get_renderer()
+        outside = _title_and_legends(fig, renderer)
+        rooms = np.array([_usual_room(ax) for ax in axes])
+        sizes = np.zeros((len(axes), 2))
+        for _ in range(PASSES):
             _place(fig, axes, rooms, outside)
+            for ax in axes:
+                ax.apply_aspect()
+            before, sizes = sizes, np.array([ax.get_window_extent(renderer).size for ax in axes])
+            if np.all(np.abs(sizes - before) < ALIKE * sizes):
+                break
+            rooms = np.array([_room(ax, renderer) for ax in axes]) / fig.dpi
 
 
-def _place(fig: Figure, axes: Sequence[Axes], rooms: Array, outside: tuple[float, float]) -> None:
+def _place(fig: Figure, axes: Sequence[Any], rooms: Array, outside: tuple[float, float]) -> None:
     """Place axes with rooms (n, 4) about them [in], left, right, below and above."""
     (width, height), (above, below) = fig.get_size_inches(), outside
     specs: list[Any] = [ax.get_subplotspec() for ax in axes]
@@ -55,19 +66,26 @@ def _place(fig: Figure, axes: Sequence[Axes], rooms: Array, outside: tuple[float
 def _usual_room(ax: Axes) -> tuple[float, float, float, float]:
     """Room [in] about axes, left, right, below and above, before it is measured."""
     bars = any(child.get_visible() for child in ax.child_axes)
-    return 0.6, 0.9 if bars else 0.1, 0.5, 0.3
+    lines = max(
+        title.get_text().count("\n") + 1 if title.get_text() else 0 for title in _titles(ax)
+    )
+    left, below = (0.35 + 0.2 * bool(label) for label in (ax.get_ylabel(), ax.get_xlabel()))
+    return left, 0.9 if bars else 0.1, below - 0.05, 0.1 + 0.15 * lines
+
+
+def _titles(ax: Any) -> tuple[Any, ...]:
+    return ax.title, ax._left_title, ax._right_title
 
 
 def _room(ax: Axes, renderer: Any) -> tuple[float, float, float, float]:
     """Room beside axes, left, right, below and above [px], that what stands around them takes."""
-    ax.apply_aspect()
     for child in ax.child_axes:
-        locator = child.get_axes_locator()
+        locator: Any = child.get_axes_locator()
         child.apply_aspect(locator(child, renderer) if locator else None)
     box = ax.get_window_extent(renderer)
     around = Bbox.union([box, *_around(ax, renderer)])
-    titles = [text for text in (ax.title, ax._left_title, ax._right_title) if text.get_text()]
-    top = max([around.y1, *(text.get_window_extent(renderer).y1 for text in titles)])
+    titles = (text.get_window_extent(renderer).y1 for text in _titles(ax) if text.get_text())
+    top = max([around.y1, *titles])
     return box.x0 - around.x0, around.x1 - box.x1, box.y0 - around.y0, top - box.y1
 
 
@@ -81,7 +99,7 @@ def _around(ax: Axes, renderer: Any) -> Iterator[Bbox]:
         yield legend.get_window_extent(renderer)
 
 
-def _title_and_legends(fig: Figure, renderer: Any) -> tuple[float, float]:
+def _title_and_legends(fig: Any, renderer: Any) -> tuple[float, float]:
     """Height [in] above all axes for the figure's title, which is put there, and below them."""
     above = below = 0.0
     if (title := fig._suptitle) is not None:

@@ -134,11 +134,11 @@ def _ends(
         poses[end] = None
         if band is not None:
             known = band.low if end == "softest" else band.high
-            softest, *shares = known.corner
+            softest, payload, link = known.corner
             machine = bands.at_end(frequencies.machine, softest, today)
             with suppress(PoseError):  # unstable between the poses
                 workspace = frequencies.workspace
-                poses[end] = worst_anywhere(machine, workspace, *shares, known.starts)
+                poses[end] = worst_anywhere(machine, workspace, payload, link, known.starts)
     return poses
 
 

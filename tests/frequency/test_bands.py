@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose
 import armdesign as ad
 from armdesign.frequency.bands import Corner, FrequencyBand, Scenario
 from armdesign.frequency.cases import scaled_links
+from armdesign.frequency.worst_frequency import worst_anywhere, worst_frequency
 from tests import machines
 from tests.machines import machine_with
 from tests.sprung import rocking
@@ -300,3 +301,19 @@ def test_springs_within_their_share() -> None:
         worst = ad.frequency_band(other, workspace, ad.Bands()).nominal
         assert extreme.frequency == pytest.approx(worst, rel=1e-12)
     assert band.low.frequency < band.nominal < band.high.frequency
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "spatial", "redundant"])
+def test_what_corners_share_changes_nothing(name: str) -> None:
+    """Each corner alone, as a machine of its own, and the search between poses from there."""
+    machine = machines.named(name)
+    bands = ad.Bands(structure=(0.2, 1.0), bulk_modulus=(0.8, 1.1), payload=(0.9, 1.0))
+    workspace = ad.Workspace.grid(machine, 3)
+    for one in ad.frequency_band(machine, workspace, bands).scenarios:
+        at_end, shares = bands.at_end(machine, one.corner.softest), one.corner[1:]
+        alone = worst_frequency(at_end, workspace, *shares)
+        assert one.frequency == pytest.approx(alone.frequency, rel=1e-13)
+        assert (one.payload, one.q.tolist()) == (alone.payload, alone.q.tolist())
+        known = worst_anywhere(at_end, workspace, *shares, one.starts)
+        anew = worst_anywhere(at_end, workspace, *shares)
+        assert known.frequency == pytest.approx(anew.frequency, rel=1e-12)

@@ -1,0 +1,71 @@
+"""Places of axes: what stands around them is on the paper, and meets nothing of other axes."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import armdesign as ad
+from armdesign import plots
+from tests.frequency.cached import mapped
+from tests.machines import named
+
+PIXEL = 1.0  # what rounding of letters to pixels may add
+
+
+def pictures() -> dict[str, Any]:
+    crane, frequencies = named("loader_crane"), mapped("excavator_20t", 5)
+    both = {"today": frequencies, "new": mapped("crossing", 5)}
+    charts = {name: ad.lift_chart(named(name)) for name in ("excavator_20t", "loader_crane")}
+    return {
+        "one": plots.map_figure(frequencies, "joints"),
+        "equal scales": plots.map_figure(frequencies, "reach"),
+        "row": plots.side_by_side(both),
+        "grid": plots.moment_arm_curves({"crane": crane}),
+        "three": plots.lift_charts(charts),
+        "beside": plots.machine_drawing(crane).figure,
+        "legend": plots.mode_shapes(crane),
+    }
+
+
+def test_nothing_is_off_the_paper_or_over_another() -> None:
+    """By the boxes that matplotlib finds of axes with all their words."""
+    for name, fig in pictures().items():
+        fig.canvas.draw()
+        axes = [ax for ax in fig.axes if ax.get_visible()]
+        boxes = [ax.get_tightbbox(for_layout_only=True) for ax in axes]
+        boxes += [legend.get_window_extent() for legend in fig.legends]
+        boxes += [fig._suptitle.get_window_extent()] if fig._suptitle else []
+        for box in boxes:
+            assert min(box.x0, box.y0) > -PIXEL, name
+            assert max(box.x1 - fig.bbox.width, box.y1 - fig.bbox.height) < PIXEL, name
+        for one, other in combinations(boxes, 2):
+            assert not one.padded(-PIXEL).overlaps(other), name
+
+
+def test_axes_of_a_grid_have_one_size() -> None:
+    fig = plots.moment_arm_curves({"crane": named("loader_crane")})
+    fig.canvas.draw()
+    sizes = [ax.get_window_extent().size for ax in fig.axes]
+    np.testing.assert_allclose(sizes, np.tile(sizes[0], (len(sizes), 1)), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("plane", "mode"), [("joints", "RGB"), (None, "P")])
+def test_a_field_keeps_its_colours_and_other_pictures_have_few(
+    plane: str | None, mode: str, tmp_path: Path
+) -> None:
+    """Few are within 12 of 255 of what is drawn, as is seen on no screen; a field is exact."""
+    machine = named("excavator_20t")
+    fig = plots.moment_arm_curves({"today": machine})
+    if plane:
+        fig = plots.map_figure(mapped("excavator_20t", 18), plane)
+    with Image.open(plots.save(fig, tmp_path / "a.png")) as picture:
+        assert picture.mode == mode
+        written = np.asarray(picture.convert("RGB")).astype(int)
+    drawn = np.asarray(fig.canvas.buffer_rgba())[..., :3].astype(int)
+    assert np.abs(written - drawn).max() <= (0 if plane else 12)
