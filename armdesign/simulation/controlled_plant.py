@@ -106,11 +106,10 @@ class ControlledPlant:
 
     def picked(self, cases: Sequence[int]) -> ControlledPlant:
         """The system of some of the cases."""
-        rows, machines = list(cases), self.plant.machines
-        plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
+        rows, plant = list(cases), self.plant
         return replace(
             self,
-            plant=plant,
+            plant=plant.picked(rows) if len(plant.machines) > 1 else plant,
             start=self.start[rows],
             demands=tuple(self.demands[row] for row in rows),
             sweeps=None if self.sweeps is None else self.sweeps[rows],

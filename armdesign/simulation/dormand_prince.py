@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.simulation.plant.compiled import borrowing
 
+Between: TypeAlias = Callable[[Array], Array]  # states (m, k) at times (k,) [s]
 INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
 MOST_JUMPS = 50  # unannounced, one right after the other
@@ -112,20 +113,20 @@ class Records(NamedTuple):
         rows = zip(self.first.tolist(), self.last.tolist(), strict=True)
         return [self.states[first : last + 1] for first, last in rows]
 
-    def fill(self, case: int, time: float, between: Callable[[Array], Array]) -> None:
+    def fill(self, case: int, time: float, between: Callable[[], Between]) -> None:
         """Record a case up to a time [s].
 
         Args:
             case: its number.
             time: reached [s].
-            between: its states (m, k) at times (k,) since the row filled last.
+            between: gives its states at times since the row filled last.
         """
         first, spacing = int(self.first[case]), float(self.spacing[case])
         done = int(self.done[case])
         passed = min(first + int(time / spacing * (1 + 1e-12)), int(self.last[case]))
         if passed > done:
             instants = np.minimum(spacing * np.arange(done + 1 - first, passed + 1 - first), time)
-            self.states[done + 1 : passed + 1], self.done[case] = between(instants).T, passed
+            self.states[done + 1 : passed + 1], self.done[case] = between()(instants).T, passed
 
 
 @borrowing

@@ -3,7 +3,7 @@
 All cases take a step of ``dormand_prince`` at the same time, but each one has its own instant,
 step and error norm: so a case comes out as if it were alone, whatever its company, one that meets
 a kink or a stop does not slow the others, and no error hides in a mean over cases. A case that has
-come to its end, or cannot go on, is dropped when half of its company has. A case that turns stiff
+come to its end, or cannot go on, is dropped. A case that turns stiff
 (a wide open valve that passes hardly any drop, a fast spool, a piston in dry friction) is finished
 by ``stiff`` alone.
 
@@ -28,6 +28,7 @@ from armdesign.arrays import Array
 from armdesign.progress import rounds
 from armdesign.simulation.dormand_prince import (
     INSTANT,
+    Between,
     Records,
     Running,
     Stages,
@@ -330,7 +331,7 @@ class _Stepper:
             inside = min(max(time, at.low[row]), at.high[row])
             return alone.rates(np.array([inside]), state[None])[0]
 
-        def take(time: float, state: Array, between: Callable[[Array], Array]) -> None:
+        def take(time: float, state: Array, between: Callable[[], Between]) -> None:
             at.time[row], at.state[row] = time, state
             self.records.fill(case, time, between)
 
@@ -350,9 +351,9 @@ class _Stepper:
         return [int(row) for row in np.flatnonzero(self.rows.under_way)]
 
     def drop_finished(self) -> bool:
-        """Let go of cases at their end once they are half of all; whether all are."""
+        """Let go of cases at their end; whether all are."""
         left = self.under_way()
-        if 0 < 2 * len(left) <= len(self.rows.time):
+        if 0 < len(left) < len(self.rows.time):
             self.system = self.system.picked(left)
             self.rows = Running(*(values[left] for values in self.rows))
             self._stages = Stages.like(self.rows.state)

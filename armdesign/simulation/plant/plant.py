@@ -20,6 +20,7 @@ Units inside the state: pressures in bar, everything else SI, so that all number
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from copy import copy
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -146,6 +147,15 @@ class Plant:
         self._chambers, self.size = slice(edges[2], edges[4]), edges[7]
         self.units = np.ones(self.size)  # SI value of each number of the state
         self.units[edges[2] : edges[5]] = bar
+
+    def picked(self, rows: Sequence[int]) -> Plant:
+        """The plant of the machines of some of the cases."""
+        plant = copy(self)
+        plant.machines = tuple(self.machines[row] for row in rows)
+        plant.machine = plant.machines[0]
+        plant.parameters = Parameters(*(values[rows] for values in self.parameters))
+        vars(plant).pop("rigid_bodies", None)
+        return plant
 
     @property
     def state_names(self) -> tuple[str, ...]:
