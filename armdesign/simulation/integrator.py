@@ -27,16 +27,16 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.progress import rounds
 from armdesign.simulation.dormand_prince import (
+    BEGIN,
+    FINISH,
     INSTANT,
+    PLACE,
     Between,
     Records,
     Running,
     Stages,
     Steps,
     Tableau,
-    begin_steps,
-    finish_steps,
-    place_stage,
 )
 from armdesign.simulation.plant.compiled import resolved
 from armdesign.simulation.stiff import FIRST_STEP, Limits, integrate_stiff
@@ -254,11 +254,7 @@ class _Stepper:
     def _kernels(self) -> tuple[Callable[..., Any], ...]:
         """Compiled parts of a step, for the types that all calls here have."""
         steps = self._steps
-        return (
-            resolved(begin_steps, steps),
-            resolved(place_stage, 0, steps),
-            resolved(finish_steps, steps),
-        )
+        return (resolved(BEGIN, steps), resolved(PLACE, 0, steps), resolved(FINISH, steps))
 
     @property
     def _steps(self) -> Steps:

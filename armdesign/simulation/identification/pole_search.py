@@ -1,9 +1,9 @@
 """Search for the poles of a fit, compiled: Levenberg and Marquardt's method on ω and ζ.
 
 The numerators are eliminated (Golub & Pereyra 1973): with the QR decomposition of their whitened
-columns, Φ = Q R, a fit leaves the part of the output beyond the first rows of Qᵀ y, and a change of
-the poles counts by the same part of its slopes. So neither Q nor the numerators' own equations
-are formed; reflections are applied one by one.
+columns, Φ = Q R, a fit leaves the part of the output beyond the first rows of Qᵀ y, and a change
+of the poles counts by the same part of its slopes. So Q is never formed: reflections are applied
+one by one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.plant.compiled import borrowing, resolved
+from armdesign.simulation.plant.compiled import borrowing, resolved, within
 
 TRIALS = 6  # of a step in a round
 CONVERGED = 1e-6  # relative change of what is left
@@ -94,7 +94,7 @@ def _kernels() -> tuple[Callable[..., Any], ...]:
 @borrowing
 def _search(problem: Problem, poles: Array, rounds: int, scratch: Scratch) -> None:
     """Move poles (m, 2) to where they leave least of the output, in so many rounds at most."""
-    damping, there, slopes = FIRST_DAMPING, scratch.there, scratch.white_slopes
+    damping, there = FIRST_DAMPING, scratch.there
     cost = _left_over(problem, poles, scratch)
     for _ in range(rounds):
         before, moved = cost, False
@@ -136,7 +136,7 @@ def _left_over(problem: Problem, poles: Array, scratch: Scratch) -> float:
     return _reflect(problem, scratch)
 
 
-@borrowing
+@within
 def _fraction(omega: float, zeta: float, line: float) -> tuple[float, float]:
     """Real and imaginary part of 1/(s² + 2ζω s + ω²) at s = j ``line``."""
     real, imaginary = omega * omega - line * line, 2 * zeta * omega * line
@@ -144,7 +144,7 @@ def _fraction(omega: float, zeta: float, line: float) -> tuple[float, float]:
     return real / size, -imaginary / size
 
 
-@borrowing
+@within
 def _whiten(white: Array, values: Array, out: Array) -> None:
     """Write the products of a symmetric matrix with rows (n, 2k) into the first n of ``out``."""
     for j in range(len(values)):
@@ -156,7 +156,7 @@ def _whiten(white: Array, values: Array, out: Array) -> None:
                 out[j, i] += own * white[row, i]
 
 
-@borrowing
+@within
 def _reflect(problem: Problem, scratch: Scratch) -> float:
     """Householder's QR decomposition of the whitened columns: squares left of the output."""
     work, n = scratch.reflected, len(scratch.columns)
@@ -179,7 +179,7 @@ def _reflect(problem: Problem, scratch: Scratch) -> float:
     return left
 
 
-@borrowing
+@within
 def _reflect_rows(mirrors: Array, c: int, scale: float, values: Array, first: int) -> None:
     """Reflect rows from the ``first`` on by I − scale v vᵀ, v the entries from c on of row c."""
     for j in range(first, len(values)):
@@ -191,7 +191,7 @@ def _reflect_rows(mirrors: Array, c: int, scale: float, values: Array, first: in
             values[j, i] -= along * mirrors[c, i]
 
 
-@borrowing
+@within
 def _set_normal_equations(problem: Problem, poles: Array, scratch: Scratch) -> None:
     """Write slopes, beyond what numerators make up for, of size one, and their equations."""
     _write_slopes(problem, poles, scratch)
@@ -210,7 +210,7 @@ def _set_normal_equations(problem: Problem, poles: Array, scratch: Scratch) -> N
             normal[j, both] += slopes[j, i] * work[n, i]
 
 
-@borrowing
+@within
 def _write_slopes(problem: Problem, poles: Array, scratch: Scratch) -> None:
     """Write slopes of the output by ω and ζ of every pole, with the best numerators."""
     k, each, best = len(problem.omega), problem.inputs.shape[1], scratch.numerators
@@ -235,7 +235,7 @@ def _write_slopes(problem: Problem, poles: Array, scratch: Scratch) -> None:
             scratch.slopes[2 * p + 1, k + i] = -2 * omega * line * real
 
 
-@borrowing
+@within
 def _solve(normal: Array, damping: float, factors: Array) -> float:
     """Write a step into the last column of ``factors``: the decrease that it promises."""
     n, promised = len(normal), 0.0
@@ -255,7 +255,7 @@ def _solve(normal: Array, damping: float, factors: Array) -> float:
     return promised
 
 
-@borrowing
+@within
 def _step(problem: Problem, poles: Array, scratch: Scratch) -> None:
     """Write poles after a step that is not too large, within their bounds."""
     step, longest = scratch.factors, 1.0

@@ -99,7 +99,7 @@ class Lines:
 
     @cached_property
     def usual_sizes(self) -> tuple[Array, Array]:
-        """Usual sizes of a mode's numerator and of a neighbour's (4 or 2,) for columns of size 1."""
+        """Usual sizes of numerators of a mode and a neighbour (4 or 2,), columns of size one."""
         own = np.full(self.inputs.shape[1], np.linalg.norm(self.observed))
         of_neighbour = np.array([1, 1, NEIGHBOUR_ENDS, NEIGHBOUR_ENDS])[: len(own)]
         return own, of_neighbour * self.typical * np.linalg.norm(self.u)
@@ -300,7 +300,7 @@ class _Regression:
         self.y = self.white @ lines.observed
 
     def problem(self, poles: Array) -> Problem:
-        """The search for poles near some (m, 2); modes about the band, neighbours on their side."""
+        """The search for poles near some (m, 2), modes about the band, neighbours beside it."""
         low, high = self.lines.edges
         bounds = []
         for p, omega in enumerate(poles[:, 0].tolist()):

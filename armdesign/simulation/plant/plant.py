@@ -30,7 +30,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Record, Records, borrowing, resolved
+from armdesign.simulation.plant.compiled import Record, Records, borrowing, resolved, within
 from armdesign.simulation.plant.energy_book import book_powers
 from armdesign.simulation.plant.hydraulics import (
     OUTPUT,
@@ -311,7 +311,7 @@ def evaluate_cases(
         solve(inertia, rates[nq : 2 * nq])
 
 
-@borrowing
+@within
 def _place_links(
     machine: int, parameters: Parameters, state: Array, scratch: Scratch, rates: Array
 ) -> None:
@@ -326,7 +326,7 @@ def _place_links(
     add_bodies(parameters.bodies[machine], joints, scratch.frames, speed, inertia)
 
 
-@borrowing
+@within
 def _sum_product(a: Array, b: Array) -> float:
     """Scalar product of short arrays."""
     total = 0.0
@@ -335,7 +335,7 @@ def _sum_product(a: Array, b: Array) -> float:
     return total
 
 
-@borrowing
+@within
 def _place_actuator(
     drive: Record, joints: Records, state: Array, frames: Frames, pins: PinMotion, inertia: Inertia
 ) -> float:
