@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,57 +66,55 @@ def best_poles(problem: Problem, poles: Array, rounds: int) -> Array:
     ``rounds`` is how many the search takes at most.
     """
     found = np.ascontiguousarray(np.clip(poles, problem.least, problem.most))
-    _kernels()[0](problem, found, rounds, _scratch(problem, found))
+    _run(problem, found, rounds)
     return found
 
 
 def left_over(problem: Problem, poles: Array) -> float:
     """Sum of the squares that poles (m, 2) leave."""
-    return float(_kernels()[1](problem, np.ascontiguousarray(poles), _scratch(problem, poles)))
+    return _run(problem, np.ascontiguousarray(poles), 0)
 
 
-def _scratch(problem: Problem, poles: Array) -> Scratch:
-    return Scratch.of(len(problem.observed), len(poles), problem.inputs.shape[1])
+def _run(problem: Problem, poles: Array, rounds: int) -> float:
+    scratch = Scratch.of(len(problem.observed), len(poles), problem.inputs.shape[1])
+    return float(_kernel()(problem, poles, rounds, scratch))
 
 
 @cache
-def _kernels() -> tuple[Callable[..., Any], ...]:
-    """The compiled functions, for the types that all calls here have."""
+def _kernel() -> Callable[..., float]:
+    """The compiled search, for the types that all calls here have."""
     vector, matrix = np.empty(1), np.empty((1, 1))
     problem = Problem(vector, matrix, matrix, vector, matrix, matrix)
-    scratch = Scratch.of(1, 1, 1)
-    return (
-        resolved(_search, problem, matrix, 1, scratch),
-        resolved(_left_over, problem, matrix, scratch),
-    )
+    return resolved(_search, problem, matrix, 1, Scratch.of(1, 1, 1))
 
 
 @borrowing
-def _search(problem: Problem, poles: Array, rounds: int, scratch: Scratch) -> None:
-    """Move poles (m, 2) to where they leave least of the output, in so many rounds at most."""
+def _search(problem: Problem, poles: Array, rounds: int, scratch: Scratch) -> float:
+    """Move poles (m, 2) to where they leave least of the output: the squares that they leave."""
     damping, there = FIRST_DAMPING, scratch.there
     cost = _left_over(problem, poles, scratch)
     for _ in range(rounds):
-        before, moved = cost, False
+        before = cost
         _set_normal_equations(problem, poles, scratch)
         for _ in range(TRIALS):
             if _solve(scratch.normal, damping, scratch.factors) < CONVERGED * before:
-                return
+                return before
             _step(problem, poles, scratch)
             cost = _left_over(problem, there, scratch)
             if cost < before:
-                moved, damping = True, damping / 10
                 break
             damping *= 5
-        if not moved:
-            return
+        if not cost < before:
+            return before
+        damping /= 10
         for p in range(len(poles)):
             poles[p, 0], poles[p, 1] = there[p, 0], there[p, 1]
         if before - cost < CONVERGED * before:
-            return
+            break
+    return cost
 
 
-@borrowing
+@within
 def _left_over(problem: Problem, poles: Array, scratch: Scratch) -> float:
     """Sum of the squares that poles (m, 2) leave; columns and reflections are written."""
     omega, inputs, columns = problem.omega, problem.inputs, scratch.columns
