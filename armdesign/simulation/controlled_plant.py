@@ -14,10 +14,16 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, choose
 from armdesign.hydraulics.valve import opening, spool_position
-from armdesign.simulation.dormand_prince import Steps, begin_steps, finish_steps, place_stage
+from armdesign.simulation.dormand_prince import (
+    BEGIN,
+    Steps,
+    begin_steps,
+    finish_steps,
+    place_stage,
+)
 from armdesign.simulation.excitation import SWEEP, SymmetricValve, sweeps_of, write_sweeps
 from armdesign.simulation.integrator import Breaks
-from armdesign.simulation.plant.compiled import Records, borrowing, new_records, resolved
+from armdesign.simulation.plant.compiled import Records, borrowing, new_records, resolved, within
 from armdesign.simulation.plant.hydraulics import OUTPUT
 from armdesign.simulation.plant.plant import (
     Layout,
@@ -106,11 +112,10 @@ class ControlledPlant:
 
     def picked(self, cases: Sequence[int]) -> ControlledPlant:
         """The system of some of the cases."""
-        rows, machines = list(cases), self.plant.machines
-        plant = Plant(*(machines[row] for row in rows)) if len(machines) > 1 else self.plant
+        rows, plant = list(cases), self.plant
         return replace(
             self,
-            plant=plant,
+            plant=plant.picked(rows) if len(plant.machines) > 1 else plant,
             start=self.start[rows],
             demands=tuple(self.demands[row] for row in rows),
             sweeps=None if self.sweeps is None else self.sweeps[rows],
@@ -189,7 +194,7 @@ class ControlledPlant:
         Commands that are not compiled allow one at a time.
         """
         if self.sweeps is None:
-            self._run(begin_steps, steps)
+            self._run(BEGIN, steps)
             demands = np.array([self._demands(time, self.demands) for time in steps.stages.at])
             most = 1
         else:
@@ -311,7 +316,7 @@ def _correct(demand: Array, state: Array, cases: Cases) -> None:
                 corrected[case, i] = spool_position(actuators[m, i], share)
 
 
-@borrowing
+@within
 def _follow(state: Array, cases: Cases, rates: Array) -> None:
     """Write the rates of both low-passes and of the energies."""
     n, nc = cases.gains.shape

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.simulation.plant.compiled import borrowing
+from armdesign.simulation.plant.compiled import borrowing, within
 
+Between: TypeAlias = Callable[[Array], Array]  # states (m, k) at times (k,) [s]
 INSTANT = 1e-14  # [s, relative beyond 1 s] of time, so short that rates may jump within
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
 MOST_JUMPS = 50  # unannounced, one right after the other
@@ -112,23 +113,23 @@ class Records(NamedTuple):
         rows = zip(self.first.tolist(), self.last.tolist(), strict=True)
         return [self.states[first : last + 1] for first, last in rows]
 
-    def fill(self, case: int, time: float, between: Callable[[Array], Array]) -> None:
+    def fill(self, case: int, time: float, between: Callable[[], Between]) -> None:
         """Record a case up to a time [s].
 
         Args:
             case: its number.
             time: reached [s].
-            between: its states (m, k) at times (k,) since the row filled last.
+            between: gives its states at times since the row filled last.
         """
         first, spacing = int(self.first[case]), float(self.spacing[case])
         done = int(self.done[case])
         passed = min(first + int(time / spacing * (1 + 1e-12)), int(self.last[case]))
         if passed > done:
             instants = np.minimum(spacing * np.arange(done + 1 - first, passed + 1 - first), time)
-            self.states[done + 1 : passed + 1], self.done[case] = between(instants).T, passed
+            self.states[done + 1 : passed + 1], self.done[case] = between()(instants).T, passed
 
 
-@borrowing
+@within
 def begin_steps(steps: Steps) -> None:
     """Write the first slopes, and the instants t + c h of the stages, within their stretches."""
     rows, stages = steps.rows, steps.stages
@@ -141,7 +142,7 @@ def begin_steps(steps: Steps) -> None:
             stages.slopes[0, case, i] = rows.slope[case, i]
 
 
-@borrowing
+@within
 def place_stage(stage: int, steps: Steps) -> None:
     """Write y + h Σ_k a_k K_k of every case, the state of a stage 0…5 after the first."""
     tableau, rows, stages = steps.tableau, steps.rows, steps.stages
@@ -154,7 +155,7 @@ def place_stage(stage: int, steps: Steps) -> None:
             stages.ahead[case, i] = rows.state[case, i] + rows.step[case] * change
 
 
-@borrowing
+@within
 def finish_steps(steps: Steps) -> int:
     """Take or refuse the step of every case by its error, and choose the size of the next one.
 
@@ -188,7 +189,7 @@ def finish_steps(steps: Steps) -> int:
     return halted
 
 
-@borrowing
+@within
 def _error_norm(row: int, steps: Steps) -> float:
     """Root mean square of a step's error, relative and absolute."""
     tableau, rows, stages = steps.tableau, steps.rows, steps.stages
@@ -202,7 +203,7 @@ def _error_norm(row: int, steps: Steps) -> float:
     return math.sqrt(total / m)
 
 
-@borrowing
+@within
 def _take_step(row: int, steps: Steps) -> None:
     """Move a case ahead, and record what lies within: y(t + θ h) = y + h Σ_k K_k Σ_j P_kj θ^j."""
     tableau, rows, stages, records = steps.tableau, steps.rows, steps.stages, steps.records
@@ -224,3 +225,7 @@ def _take_step(row: int, steps: Steps) -> None:
         records.done[case] = record
     for i in range(rows.state.shape[1]):
         rows.state[row, i], rows.slope[row, i] = stages.ahead[row, i], stages.slopes[6, row, i]
+
+
+# for systems whose rates are not compiled
+BEGIN, PLACE, FINISH = borrowing(begin_steps), borrowing(place_stage), borrowing(finish_steps)

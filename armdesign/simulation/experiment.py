@@ -248,7 +248,7 @@ class Experiment:
         outputs = np.vstack([np.eye(size), pistons[:, :size]])
         column = self._opening_column()[:size, None]
         system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
-        opening = [self.swept_sine(1.0)(t) for t in time]
+        opening = list(map(self.swept_sine(1.0), time.tolist()))
         swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
         edges = np.cumsum([plant.nq, plant.nq, plant.nc, plant.nc, int(plant.has_line)])
         joints, _, cap, annulus, _, pistons = np.split(swing, edges)

@@ -3,7 +3,7 @@
 All cases take a step of ``dormand_prince`` at the same time, but each one has its own instant,
 step and error norm: so a case comes out as if it were alone, whatever its company, one that meets
 a kink or a stop does not slow the others, and no error hides in a mean over cases. A case that has
-come to its end, or cannot go on, is dropped when half of its company has. A case that turns stiff
+come to its end, or cannot go on, is dropped. A case that turns stiff
 (a wide open valve that passes hardly any drop, a fast spool, a piston in dry friction) is finished
 by ``stiff`` alone.
 
@@ -27,15 +27,16 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.progress import rounds
 from armdesign.simulation.dormand_prince import (
+    BEGIN,
+    FINISH,
     INSTANT,
+    PLACE,
+    Between,
     Records,
     Running,
     Stages,
     Steps,
     Tableau,
-    begin_steps,
-    finish_steps,
-    place_stage,
 )
 from armdesign.simulation.plant.compiled import resolved
 from armdesign.simulation.stiff import FIRST_STEP, Limits, integrate_stiff
@@ -253,11 +254,7 @@ class _Stepper:
     def _kernels(self) -> tuple[Callable[..., Any], ...]:
         """Compiled parts of a step, for the types that all calls here have."""
         steps = self._steps
-        return (
-            resolved(begin_steps, steps),
-            resolved(place_stage, 0, steps),
-            resolved(finish_steps, steps),
-        )
+        return (resolved(BEGIN, steps), resolved(PLACE, 0, steps), resolved(FINISH, steps))
 
     @property
     def _steps(self) -> Steps:
@@ -330,7 +327,7 @@ class _Stepper:
             inside = min(max(time, at.low[row]), at.high[row])
             return alone.rates(np.array([inside]), state[None])[0]
 
-        def take(time: float, state: Array, between: Callable[[Array], Array]) -> None:
+        def take(time: float, state: Array, between: Callable[[], Between]) -> None:
             at.time[row], at.state[row] = time, state
             self.records.fill(case, time, between)
 
@@ -350,9 +347,9 @@ class _Stepper:
         return [int(row) for row in np.flatnonzero(self.rows.under_way)]
 
     def drop_finished(self) -> bool:
-        """Let go of cases at their end once they are half of all; whether all are."""
+        """Let go of cases at their end; whether all are."""
         left = self.under_way()
-        if 0 < 2 * len(left) <= len(self.rows.time):
+        if 0 < len(left) < len(self.rows.time):
             self.system = self.system.picked(left)
             self.rows = Running(*(values[left] for values in self.rows))
             self._stages = Stages.like(self.rows.state)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.simulation.dormand_prince import INSTANT
+from armdesign.simulation.dormand_prince import INSTANT, Between
 
 FIRST_STEP = 1e-4  # [s], at most
 
@@ -26,7 +26,7 @@ class Limits(NamedTuple):
 
 def integrate_stiff(
     rates: Callable[[float, Array], Array],
-    take: Callable[[float, Array, Callable[[Array], Array]], None],
+    take: Callable[[float, Array, Callable[[], Between]], None],
     begin: float,
     end: float,
     state: Array,
@@ -39,8 +39,8 @@ def integrate_stiff(
 
     Args:
         rates: ẏ at a time and state (m,).
-        take: is called with every step: its end, the state there, and a function that gives states
-            (m, k) at times within it.
+        take: is called with every step: its end, the state there, and a function that gives the
+            states (m, k) at times within it.
         begin: [s].
         end: [s].
         state: at ``begin`` (m,).
@@ -50,7 +50,7 @@ def integrate_stiff(
 
     def finite(time: float, at: Array) -> Array:
         slope = rates(time, at)
-        if not np.all(np.isfinite(slope)):
+        if not np.isfinite(slope).all():
             raise FloatingPointError
         return slope
 
@@ -67,7 +67,7 @@ def integrate_stiff(
                 stalled = solver.t - solver.t_old < INSTANT * max(solver.t, 1.0)
                 if solver.status == "failed" or stalled:
                     return False
-                take(solver.t, solver.y.copy(), solver.dense_output())
+                take(solver.t, solver.y, solver.dense_output)
                 slow = len(marks) == limits.window and solver.t - marks[0] < limits.gain
                 if slow and solver.status == "running":
                     return False

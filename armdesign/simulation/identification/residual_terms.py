@@ -33,6 +33,7 @@ from scipy.linalg import (
 )  # of its small matrices numpy's own calls take several times as long
 
 from armdesign.arrays import Array
+from armdesign.simulation.identification.pole_search import Problem, best_poles, left_over
 
 DEGREE = 14  # of the polynomials
 REACH = 1.3  # ϱ: where poles outside begin, in half widths of the band on a logarithmic scale
@@ -45,9 +46,7 @@ COARSE = (1e1, 1e3, 1e6)  # λ at which the search starts
 TEMPER = 0.3
 NEGLIGIBLE = 4.0  # logarithm of a weight below the largest
 EQUATIONS = 1.5  # least per unknown of modes and neighbours
-ROUNDS, FEW_ROUNDS, TRIALS = 25, 6, 6
-CONVERGED = 1e-6  # relative change of what is left
-LARGEST_STEP = np.array([0.2, 0.15])  # of ω and ζ in a round
+ROUNDS, FEW_ROUNDS = 25, 6
 FARTHEST = 4.0  # a neighbour from the band's end, as a ratio of frequencies
 MARGIN = 1.2  # a mode outside the band's end, as a ratio of frequencies
 DAMPING = (-0.3, 1.5)  # ζ within which modes are looked for
@@ -89,11 +88,28 @@ class Lines:
         return np.stack(columns, axis=1) * self.weight[:, None]
 
     @cached_property
+    def for_search(self) -> tuple[Array, Array]:
+        """ω (k,), and the factors of a numerator, real above imaginary parts (2k, 4 or 2)."""
+        return np.abs(self.s), np.ascontiguousarray(real(self.inputs))
+
+    @cached_property
     def typical(self) -> float:
         """Median modulus of the response."""
         return float(np.median(np.abs(self.y / (self.weight * self.u))))
 
-    @property
+    @cached_property
+    def usual_sizes(self) -> tuple[Array, Array]:
+        """Usual sizes of numerators of a mode and a neighbour (4 or 2,), columns of size one."""
+        own = np.full(self.inputs.shape[1], np.linalg.norm(self.observed))
+        of_neighbour = np.array([1, 1, NEIGHBOUR_ENDS, NEIGHBOUR_ENDS])[: len(own)]
+        return own, of_neighbour * self.typical * np.linalg.norm(self.u)
+
+    @cached_property
+    def log_weight(self) -> float:
+        """Sum of the weights' logarithms."""
+        return float(np.log(self.weight).sum())
+
+    @cached_property
     def edges(self) -> tuple[float, float]:
         """Lowest and highest frequency relative to the band's middle."""
         return float(abs(self.s[0])), float(abs(self.s[-1]))
@@ -226,8 +242,7 @@ def _coarse(
     coarse = []
     for ratio in ratios:
         fit = _Regression(lines, ratio, modes)
-        costs = [fit.best_numerators(start).cost for start in starts]
-        coarse.append(fit.answer(starts[int(np.argmin(costs))], FEW_ROUNDS))
+        coarse.append(fit.answer(starts[int(np.argmin(fit.costs(starts)))], FEW_ROUNDS))
     return coarse
 
 
@@ -280,23 +295,28 @@ class _Regression:
         self.inflation = np.log1p(ratio * size**2).sum()
         shrinkage = 1 - 1 / np.sqrt(1 + ratio * size**2)
         counts = shrinkage > 0  # what is smaller than rounding leaves all as it is
-        self.u, self.shrunk = u[:, counts], u[:, counts] * shrinkage[counts]
-        self.y = self.white(lines.observed)
+        # (I + λ C Cᵀ)^(−½)
+        self.white = np.eye(len(u)) - (u[:, counts] * shrinkage[counts]) @ u[:, counts].T
+        self.y = self.white @ lines.observed
 
-    def white(self, values: Array) -> Array:
-        """(I + λ C Cᵀ)^(−½) times columns."""
-        return np.asarray(values - self.shrunk @ (self.u.T @ values))
-
-    def bounds(self, poles: Array) -> tuple[Array, Array]:
-        """Bounds of ω and ζ (m, 2): modes are about the band, neighbours on their side of it."""
+    def problem(self, poles: Array) -> Problem:
+        """The search for poles near some (m, 2), modes about the band, neighbours beside it."""
         low, high = self.lines.edges
-        inner, above = np.arange(len(poles)) < self.modes, poles[:, 0] > 1
-        least = np.where(inner, low / MARGIN, np.where(above, high, low / FARTHEST))
-        most = np.where(inner, high * MARGIN, np.where(above, high * FARTHEST, low))
-        zeta = np.where(inner, DAMPING[0], LEAST_DAMPING)
-        return np.stack([least, zeta], axis=1), np.stack(
-            [most, np.full(len(poles), DAMPING[1])], axis=1
-        )
+        bounds = []
+        for p, omega in enumerate(poles[:, 0].tolist()):
+            if p < self.modes:
+                bounds.append(((low / MARGIN, DAMPING[0]), (high * MARGIN, DAMPING[1])))
+            elif omega > 1:
+                bounds.append(((high, LEAST_DAMPING), (high * FARTHEST, DAMPING[1])))
+            else:
+                bounds.append(((low / FARTHEST, LEAST_DAMPING), (low, DAMPING[1])))
+        least, most = np.ascontiguousarray(np.swapaxes(bounds, 0, 1))
+        return Problem(*self.lines.for_search, self.white, self.y, least, most)
+
+    def costs(self, starts: Array) -> list[float]:
+        """Squares that each of some poles (·, m, 2) leave of the output."""
+        problem = self.problem(starts[0])
+        return [left_over(problem, start) for start in starts]
 
     def best_numerators(self, poles: Array) -> _BestNumerators:
         """Numerators for given poles, and what they leave of the output."""
@@ -304,7 +324,7 @@ class _Regression:
         columns = (q[:, :, None] * self.lines.inputs[:, None, :]).reshape(len(q), -1)
         rows = real(columns)
         sizes = np.sqrt(np.einsum("ij,ij->j", rows, rows))
-        factors, reflectors, *_ = lapack.dgeqrf(self.white(rows / sizes))
+        factors, reflectors, *_ = lapack.dgeqrf(self.white @ (rows / sizes))
         basis, factors = lapack.dorgqr(factors, reflectors)[0], factors[: len(sizes)]
         share = basis.T @ self.y
         left = self.y - basis @ share
@@ -321,7 +341,7 @@ class _Regression:
         part = (now.columns * now.numerators).reshape(*q.shape, -1).sum(axis=2) * q
         omega, zeta = poles.T
         both = np.stack([-2 * (zeta * s + omega) * part, -2 * omega * s * part], axis=2)
-        slopes = self.white(real(both.reshape(len(q), -1)))
+        slopes = self.white @ real(both.reshape(len(q), -1))
         return np.asarray(slopes - now.basis @ (now.basis.T @ slopes))
 
     def answer(self, poles: Array, rounds: int = ROUNDS) -> Answer:
@@ -329,50 +349,26 @@ class _Regression:
 
         The numerators are eliminated (Golub & Pereyra 1973).
         """
-        damping, (least, most) = 1e-3, self.bounds(poles)
-        poles = np.minimum(np.maximum(poles, least), most)
-        now = self.best_numerators(poles)
-        for _ in range(rounds):
-            slopes = self.slopes(poles, now)
-            scale = np.sqrt(np.einsum("ij,ij->j", slopes, slopes)) + 1e-300
-            slopes /= scale
-            normal, gradient = slopes.T @ slopes, slopes.T @ now.left
-            before = now.cost
-            for _ in range(TRIALS):
-                _, step, _ = lapack.dposv(normal + damping * np.eye(len(normal)), gradient)
-                if gradient @ step < CONVERGED * before:
-                    return self._with_covariance(poles, now)
-                step = (step / scale).reshape(-1, 2)
-                step *= min(1.0, 1 / float(np.max(np.abs(step) / LARGEST_STEP)))
-                there = np.minimum(np.maximum(poles + step, least), most)
-                new = self.best_numerators(there)
-                if new.cost < before:
-                    poles, now, damping = there, new, damping / 10
-                    break
-                damping *= 5
-            if before - now.cost < CONVERGED * before:
-                break
-        return self._with_covariance(poles, now)
+        found = best_poles(self.problem(poles), poles, rounds)
+        return self._with_covariance(found, self.best_numerators(found))
 
     def _with_covariance(self, poles: Array, now: _BestNumerators) -> Answer:
         slopes = self.slopes(poles, now)
-        scale = np.linalg.norm(slopes, axis=0) + 1e-300
-        normal = (slopes / scale).T @ (slopes / scale)
-        inverse = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) / np.outer(scale, scale)
+        scale = np.sqrt(np.einsum("ij,ij->j", slopes, slopes)) + 1e-300
+        inverse = _inverse_of_normal(slopes / scale) / (scale[:, None] * scale)
         spare = len(now.left) - now.basis.shape[1] - slopes.shape[1]
         variance = now.cost / spare
-        gain = self.white(slopes @ inverse)
-        order = np.concatenate(
-            [np.argsort(poles[: self.modes, 0]), np.arange(self.modes, len(poles))]
-        )
-        kept = (2 * order[: self.modes, None] + np.arange(2)).ravel()
+        order = np.argsort(poles[: self.modes, 0])
+        kept = (2 * order[:, None] + np.arange(2)).ravel()
+        order = np.concatenate([order, np.arange(self.modes, len(poles))])
+        gain = self.white @ (slopes @ inverse[:, kept])
         tails = variance * spare / max(spare - 2, 1)  # variance of Student's distribution
         return Answer(
             poles=poles[order],
             modes=self.modes,
             ratio=self.ratio,
-            covariance=tails * inverse[np.ix_(kept, kept)],
-            noise=tails * (gain.T @ gain)[np.ix_(kept, kept)],
+            covariance=tails * inverse[kept[:, None], kept],
+            noise=tails * (gain.T @ gain),
             evidence=self._likelihood(now, slopes, variance, spare),
             numerators=(now.numerators / now.sizes).reshape(len(poles), -1)[order],
             remainder=self.lines.observed - real(now.columns) @ now.numerators,
@@ -382,18 +378,29 @@ class _Regression:
         self, now: _BestNumerators, slopes: Array, variance: float, spare: int
     ) -> float:
         """Logarithm of the evidence, numerators and poles integrated over usual sizes."""
-        each, poles = self.lines.inputs.shape[1], slopes.shape[1] // 2
-        of_neighbour = np.array([1, 1, NEIGHBOUR_ENDS, NEIGHBOUR_ENDS])[:each]
-        of_neighbour = of_neighbour * self.lines.typical * np.linalg.norm(self.lines.u)
-        of_modes = np.full(self.modes * each, np.linalg.norm(self.lines.observed))
-        prior = np.concatenate([of_modes, np.tile(of_neighbour, poles - self.modes)])
-        linear = np.linalg.svd(np.triu(now.factors) * prior, compute_uv=False) ** 2 / variance
-        other = np.linalg.svd(slopes, compute_uv=False) ** 2 / (2 * variance)
-        determinants = self.inflation + np.log1p(linear).sum() + np.log1p(other).sum()
+        poles, usual = slopes.shape[1] // 2, self.lines.usual_sizes
+        prior = np.concatenate([usual[0]] * self.modes + [usual[1]] * (poles - self.modes))
+        linear = _determinant(np.triu(now.factors) * (prior / math.sqrt(variance)))
+        other = _determinant(slopes / math.sqrt(2 * variance))
         size = math.sqrt(variance * self.ratio) / self.lines.typical
+        determinants = self.inflation + linear + other
         likelihood = -0.5 * (len(self.y) * math.log(variance) + spare + determinants)
-        likelihood += 2 * np.log(self.lines.weight).sum()  # of the output itself, not weighted
+        likelihood += 2 * self.lines.log_weight  # of the output itself, not weighted
         return float(likelihood - 0.5 * (math.log(size / USUAL) / SPREAD) ** 2)
+
+
+def _inverse_of_normal(columns: Array) -> Array:
+    """(XᵀX)⁻¹ of columns X of size one, but for what is within rounding."""
+    _, size, v, _ = lapack.dgesdd(columns, full_matrices=0)
+    counts = size**2 > 1e-13 * size[0] ** 2
+    reduced = v[counts] / size[counts, None]
+    return np.asarray(reduced.T @ reduced)
+
+
+def _determinant(columns: Array) -> float:
+    """Logarithm of det(I + XᵀX) of columns X, by the R of X above the identity."""
+    triangle = lapack.dgeqrf(np.concatenate([columns, np.eye(columns.shape[1])]))[0]
+    return float(2 * np.log(np.abs(np.diagonal(triangle))).sum())
 
 
 def _fractions(poles: Array, s: Array) -> Array:

@@ -58,6 +58,15 @@ def callable_within(function: F) -> F:
     return register_jitable(function)
 
 
+def within(function: F) -> F:
+    """The function as it is, for calls by functions that are ``borrowing``, and as frugal.
+
+    Compiled for them alone, once for all numbers of a type, it saves what calls from Python need.
+    """
+    options = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return register_jitable(error_model="numpy", **options)(function)
+
+
 def borrowing(function: F) -> F:
     """A compiled function that makes no arrays and keeps none: it counts no references to them.
 

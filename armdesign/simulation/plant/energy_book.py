@@ -13,10 +13,10 @@ it, so it is left out of what is supplied and of what is stored alike.
 from __future__ import annotations
 
 from armdesign.arrays import Array
-from armdesign.simulation.plant.compiled import Record, Records, borrowing
+from armdesign.simulation.plant.compiled import Record, Records, within
 
 
-@borrowing
+@within
 def book_powers(
     actuators: Records,
     system: Record,

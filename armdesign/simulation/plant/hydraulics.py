@@ -23,7 +23,7 @@ from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.hydraulics.friction import Friction, friction_force
 from armdesign.hydraulics.valve import RELIEF_SHARE, Valve, edge_opening, in_series, orifice_flow
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records
+from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records, within
 from armdesign.units import bar
 
 VAPOUR_PRESSURE = -0.7 * bar  # gauge; a chamber of pure vapour then has −0.97 bar
@@ -153,7 +153,7 @@ def system_of(machine: Machine) -> Records:
     return record
 
 
-@compiled
+@within
 def actuate(
     actuator: Record,
     system: Record,
@@ -199,7 +199,7 @@ def actuate(
     return oil_force - rub + stop, fill1 / c1, fill2 / c2
 
 
-@compiled
+@within
 def capacity(
     actuator: Record, system: Record, side: int, extension: float, pressure: float
 ) -> float:
@@ -211,7 +211,7 @@ def capacity(
     return volume / modulus + actuator.hoses[side]
 
 
-@compiled
+@within
 def port(
     actuator: Record,
     system: Record,
@@ -241,7 +241,7 @@ def port(
     return from_supply, to_return, leakage
 
 
-@compiled
+@within
 def _held_open(actuator: Record, pressure: float, pilot: float, back: float) -> float:
     """Share 0…1 by which a load-holding valve is open; its check lets oil in."""
     if pressure < back:
@@ -250,7 +250,7 @@ def _held_open(actuator: Record, pressure: float, pilot: float, back: float) -> 
     return min(max(beyond, 0.0), 1.0)
 
 
-@compiled
+@within
 def piston_speed(
     actuator: Record, beyond: float, pins: float, freed: float, stiffness: float
 ) -> float:
@@ -264,7 +264,7 @@ def piston_speed(
     return (pins + actuator.compliance * freed) / (1 + actuator.compliance * against)
 
 
-@compiled
+@within
 def friction(actuator: Record, speed: float) -> float:
     """Friction of all parallel cylinders [N] against the rate of their pin-to-pin length [m/s]."""
     if not actuator.rubs:
@@ -272,7 +272,7 @@ def friction(actuator: Record, speed: float) -> float:
     return actuator.count * friction_force(actuator, speed)  # type: ignore[arg-type]
 
 
-@compiled
+@within
 def beyond_stop(actuator: Record, extension: float) -> float:
     """Distance of a piston beyond a stop [m], negative beyond the inner one; 0 for a motor."""
     return (
@@ -282,13 +282,13 @@ def beyond_stop(actuator: Record, extension: float) -> float:
     )
 
 
-@compiled
+@within
 def pressed(actuator: Record, beyond: float) -> float:
     """Depression of a stop [m] by a piston ``beyond`` it; the compliance in series gives way."""
     return beyond / (1 + actuator.compliance * actuator.stop)
 
 
-@compiled
+@within
 def stop_force(actuator: Record, beyond: float, speed: float) -> float:
     """Force of the end stops [N, + pushes out] at a pin-to-pin rate [m/s]; they never pull."""
     outwards = speed if beyond > 0 else -speed

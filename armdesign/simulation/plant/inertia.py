@@ -17,7 +17,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.mechanism.arm import LoadedArm
 from armdesign.mechanism.composite_bodies import Bodies
-from armdesign.simulation.plant.compiled import Record, Records, borrowing, compiled, new_records
+from armdesign.simulation.plant.compiled import Record, Records, new_records, within
 from armdesign.simulation.plant.kinematics import (
     BARREL,
     BASE,
@@ -73,7 +73,7 @@ def bodies_of(loaded: LoadedArm) -> Records:
     return records
 
 
-@borrowing
+@within
 def add_bodies(
     bodies: Records, joints: Records, frames: Frames, speed: Array, inertia: Inertia
 ) -> None:
@@ -92,7 +92,7 @@ def add_bodies(
                 _add(weight, pull, i, joints, inertia)
 
 
-@borrowing
+@within
 def _add(weight: float, pull: Vector, frame: int, joints: Records, inertia: Inertia) -> None:
     """Add w ∂x/∂q ∂x/∂qᵀ and w ∂x/∂q · ẍ of a vector of a joint's frame; of M what is below."""
     j = frame
@@ -107,7 +107,7 @@ def _add(weight: float, pull: Vector, frame: int, joints: Records, inertia: Iner
         j = joints[j].parent
 
 
-@borrowing
+@within
 def solve(inertia: Inertia, acceleration: Array) -> None:
     """Write M⁻¹(τ − h) (nq,) by M = L D Lᵀ, which takes M's place; M's lower triangle counts."""
     mass, n = inertia.mass, len(inertia.force)
@@ -127,7 +127,7 @@ def solve(inertia: Inertia, acceleration: Array) -> None:
             acceleration[j] -= mass[k, j] * acceleration[k]
 
 
-@borrowing
+@within
 def add_bars(
     drive: Record, length: float, span: Vector, speed: Array, pins: PinMotion, inertia: Inertia
 ) -> None:
@@ -154,7 +154,7 @@ def add_bars(
     _add_bar(drive.coupler_mass, END, FAR, pins, inertia)
 
 
-@compiled
+@within
 def _share(drive: Record, length: float, span: Vector, rate: Vector, second: Vector) -> Vector:
     """ℓ_closed/ℓ with its first and second derivative."""
     first = dot(span, rate) / length
@@ -163,7 +163,7 @@ def _share(drive: Record, length: float, span: Vector, rate: Vector, second: Vec
     return share, -share * first / length, share * (2 * first * first / length - curve) / length
 
 
-@borrowing
+@within
 def _add_bar(weight: float, one: int, other: int, pins: PinMotion, inertia: Inertia) -> None:
     """Add a slender bar from X to Y: m/3 (XXᵀ + YYᵀ) + m/6 (XYᵀ + YXᵀ), and so to h."""
     if weight == 0.0:

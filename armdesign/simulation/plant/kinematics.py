@@ -24,7 +24,7 @@ from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.mechanism.urdf import Joint
-from armdesign.simulation.plant.compiled import Record, Records, borrowing, compiled, new_records
+from armdesign.simulation.plant.compiled import Record, Records, new_records, within
 from armdesign.simulation.plant.vectors import ZERO, Vector, cross, dot, plus, scaled, turned
 
 JOINT = np.dtype(  # its frame in its parent's, turned by constant + sin q sine + cos q cosine
@@ -73,13 +73,11 @@ class PinMotion(NamedTuple):
     arm: Array  # moment arms (nq,)
 
 
-@compiled
 def new_frames(nq: int) -> Frames:
     """Frames to be written."""
     return Frames(np.empty((nq, 3, 3)), np.empty((nq, 3)), np.empty((nq, 3)))
 
 
-@compiled
 def new_pin_motion(nq: int) -> PinMotion:
     """Motion of a drive's points, to be written."""
     return PinMotion(np.empty((POINTS, nq, 3)), np.empty((POINTS, 3)), np.empty(nq))
@@ -138,7 +136,7 @@ def _pin(arm: Arm, pin: Pin) -> tuple[int, tuple[float, ...]]:
 # ------------------------------------------------------------------------------------------ motion
 
 
-@borrowing
+@within
 def place_joints(joints: Records, q: Array, frames: Frames) -> None:
     """Write the joint frames in the world at q (nq,)."""
     rotation, origin, axis = frames
@@ -170,19 +168,19 @@ def place_joints(joints: Records, q: Array, frames: Frames) -> None:
         write(axis, j, turned(rotation[j], (joint.axis[0], joint.axis[1], joint.axis[2])))
 
 
-@borrowing
+@within
 def vector_of(rows: Array, index: int) -> Vector:
     """A row of (n, 3)."""
     return (rows[index, 0], rows[index, 1], rows[index, 2])
 
 
-@borrowing
+@within
 def write(rows: Array, index: int, vector: Vector) -> None:
     """Make a vector a row of (n, 3)."""
     rows[index, 0], rows[index, 1], rows[index, 2] = vector
 
 
-@borrowing
+@within
 def _position(pin: Record, frames: Frames) -> Vector:
     """A pin in the world."""
     at = (pin.at[0], pin.at[1], pin.at[2])
@@ -191,14 +189,14 @@ def _position(pin: Record, frames: Frames) -> Vector:
     return plus(vector_of(frames.origin, pin.frame), turned(frames.rotation[pin.frame], at), 1.0)
 
 
-@borrowing
+@within
 def direction(frame: int, along: Array, frames: Frames) -> Vector:
     """A direction of a joint's frame in the world."""
     given = (along[0], along[1], along[2])
     return given if frame < 0 else turned(frames.rotation[frame], given)
 
 
-@borrowing
+@within
 def moved(
     joints: Records,
     frames: Frames,
@@ -230,7 +228,7 @@ def moved(
     return vector, rate, coriolis
 
 
-@compiled
+@within
 def _knee(drive: Record, a: Vector, c: Vector) -> tuple[Vector, Vector]:
     """Coordinates of the knee, right and up, from the lug's a and c, with two time derivatives."""
     e = a[0] * a[0] + c[0] * c[0]
@@ -256,7 +254,7 @@ def _knee(drive: Record, a: Vector, c: Vector) -> tuple[Vector, Vector]:
     return right, up
 
 
-@compiled
+@within
 def _product(along: Moving, vector: Moving) -> Vector:
     """Scalar product of two vectors, with its first and second derivative."""
     return (
@@ -266,7 +264,7 @@ def _product(along: Moving, vector: Moving) -> Vector:
     )
 
 
-@compiled
+@within
 def times(number: Vector, vector: Moving) -> Moving:
     """A number times a vector, each with its first and second derivative."""
     first = plus(scaled(vector[0], number[1]), vector[1], number[0])
@@ -276,7 +274,7 @@ def times(number: Vector, vector: Moving) -> Moving:
     return scaled(vector[0], number[0]), first, second
 
 
-@compiled
+@within
 def _sum(one: Moving, other: Moving, factor: float) -> Moving:
     return (
         plus(one[0], other[0], factor),
@@ -285,7 +283,7 @@ def _sum(one: Moving, other: Moving, factor: float) -> Moving:
     )
 
 
-@compiled
+@within
 def _folded(drive: Record, pivot: Moving, lug: Moving, right: Moving, up: Moving) -> Moving:
     """The knee of a four-bar from its pins and the directions of its plane."""
     vector = _sum(lug, pivot, -1.0)
@@ -293,7 +291,7 @@ def _folded(drive: Record, pivot: Moving, lug: Moving, right: Moving, up: Moving
     return _sum(pivot, _sum(times(across, right), times(height, up), 1.0), 1.0)
 
 
-@borrowing
+@within
 def place_drive(
     drive: Record, joints: Records, frames: Frames, speed: Array, pins: PinMotion
 ) -> tuple[float, Vector]:
@@ -320,7 +318,7 @@ def place_drive(
     return length, span
 
 
-@borrowing
+@within
 def _place_knee(
     drive: Record, joints: Records, frames: Frames, speed: Array, lug: Moving, pins: PinMotion
 ) -> Moving:

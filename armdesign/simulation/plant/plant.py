@@ -20,6 +20,7 @@ Units inside the state: pressures in bar, everything else SI, so that all number
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from copy import copy
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -29,7 +30,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Record, Records, borrowing, resolved
+from armdesign.simulation.plant.compiled import Record, Records, borrowing, resolved, within
 from armdesign.simulation.plant.energy_book import book_powers
 from armdesign.simulation.plant.hydraulics import (
     OUTPUT,
@@ -146,6 +147,15 @@ class Plant:
         self._chambers, self.size = slice(edges[2], edges[4]), edges[7]
         self.units = np.ones(self.size)  # SI value of each number of the state
         self.units[edges[2] : edges[5]] = bar
+
+    def picked(self, rows: Sequence[int]) -> Plant:
+        """The plant of the machines of some of the cases."""
+        plant = copy(self)
+        plant.machines = tuple(self.machines[row] for row in rows)
+        plant.machine = plant.machines[0]
+        plant.parameters = Parameters(*(values[rows] for values in self.parameters))
+        vars(plant).pop("rigid_bodies", None)
+        return plant
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -301,7 +311,7 @@ def evaluate_cases(
         solve(inertia, rates[nq : 2 * nq])
 
 
-@borrowing
+@within
 def _place_links(
     machine: int, parameters: Parameters, state: Array, scratch: Scratch, rates: Array
 ) -> None:
@@ -316,7 +326,7 @@ def _place_links(
     add_bodies(parameters.bodies[machine], joints, scratch.frames, speed, inertia)
 
 
-@borrowing
+@within
 def _sum_product(a: Array, b: Array) -> float:
     """Scalar product of short arrays."""
     total = 0.0
@@ -325,7 +335,7 @@ def _sum_product(a: Array, b: Array) -> float:
     return total
 
 
-@borrowing
+@within
 def _place_actuator(
     drive: Record, joints: Records, state: Array, frames: Frames, pins: PinMotion, inertia: Inertia
 ) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Records, borrowing, new_records
+from armdesign.simulation.plant.compiled import Records, new_records, within
 
 SPRING = np.dtype([(name, "f8") for name in ("at", "stiffness", "preload", "damping")], align=True)
 
@@ -50,7 +50,7 @@ def springs_of(machine: Machine) -> Records:
     return records
 
 
-@borrowing
+@within
 def add_springs(springs: Records, state: Array, torque: Array, power: Array) -> float:
     """Add torques of springs and what they dissipate; energy ½ κ (z − z₀)² − τ₀ (z − z₀) [J].
 

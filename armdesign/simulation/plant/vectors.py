@@ -5,37 +5,37 @@ from __future__ import annotations
 from typing import TypeAlias
 
 from armdesign.arrays import Array
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.simulation.plant.compiled import within
 
 Vector: TypeAlias = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-@compiled
+@within
 def plus(a: Vector, b: Vector, factor: float) -> Vector:
     """Sum a + factor b."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
-@compiled
+@within
 def scaled(a: Vector, factor: float) -> Vector:
     """A vector times a number."""
     return (a[0] * factor, a[1] * factor, a[2] * factor)
 
 
-@compiled
+@within
 def dot(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@within
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@compiled
+@within
 def turned(rotation: Array, a: Vector) -> Vector:
     """A vector times a matrix (3, 3)."""
     r = rotation

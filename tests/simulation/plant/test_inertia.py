@@ -8,6 +8,7 @@ import pinocchio
 from armdesign import Machine
 from armdesign.arrays import Array
 from armdesign.mechanism.arm import Arm, LoadedArm
+from armdesign.simulation.plant.compiled import borrowing
 from armdesign.simulation.plant.inertia import (
     Inertia,
     add_bars,
@@ -28,17 +29,24 @@ from armdesign.simulation.plant.rigid_bodies import RigidBodies
 from armdesign.units import GRAVITY
 from tests import machines
 
+# compiled functions, called from Python here alone
+_place_joints = borrowing(place_joints)
+_add_bodies = borrowing(add_bodies)
+_place_drive = borrowing(place_drive)
+_add_bars = borrowing(add_bars)
+_solve = borrowing(solve)
+
 
 def terms(loaded: LoadedArm, q: Array, speed: Array, machine: Machine | None = None) -> Inertia:
     """M and h of links and payload, and of a machine's bars, at one pose."""
     joints, frames, inertia = joints_of(loaded.arm), new_frames(len(q)), new_inertia(len(q))
     inertia.mass[:], inertia.force[:], inertia.torque[:] = 0.0, 0.0, 0.0
-    place_joints(joints, q, frames)
-    add_bodies(bodies_of(loaded), joints, frames, speed, inertia)
+    _place_joints(joints, q, frames)
+    _add_bodies(bodies_of(loaded), joints, frames, speed, inertia)
     for drive in drives_of(machine)[: len(machine.cylinders)] if machine else ():
         pins = new_pin_motion(len(q))
-        length, span = place_drive(drive, joints, frames, speed, pins)
-        add_bars(drive, length, span, speed, pins, inertia)
+        length, span = _place_drive(drive, joints, frames, speed, pins)
+        _add_bars(drive, length, span, speed, pins, inertia)
     return inertia
 
 
@@ -92,7 +100,7 @@ def test_accelerations_are_those_of_articulated_bodies(machine: Machine) -> None
         ordered[:, order] = at, speed, torque
         inertia, acceleration = terms(machine.loaded_arm, at, speed), np.empty(len(at))
         inertia.torque[:] = torque
-        solve(inertia, acceleration)
+        _solve(inertia, acceleration)
         close(acceleration, pinocchio.aba(model, data, *ordered)[order], 1e-9)
 
 
@@ -127,5 +135,5 @@ def test_bodies_that_are_in_no_plane() -> None:
     close(whole(inertia.mass), upper + np.triu(upper, 1).T, 1e-13)
     close(inertia.force, pinocchio.nonLinearEffects(model, data, q, speed), 1e-12)
     inertia.torque[:] = torque
-    solve(inertia, acceleration)
+    _solve(inertia, acceleration)
     close(acceleration, pinocchio.aba(model, data, q, speed, torque), 1e-12)

@@ -6,6 +6,7 @@ import numpy as np
 
 from armdesign import Machine
 from armdesign.arrays import Array
+from armdesign.simulation.plant.compiled import borrowing
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.kinematics import (
     drives_of,
@@ -18,16 +19,20 @@ from armdesign.simulation.plant.kinematics import (
 from armdesign.simulation.plant.plant import Plant
 from tests import machines
 
+# compiled functions, called from Python here alone
+_place_joints = borrowing(place_joints)
+_place_drive = borrowing(place_drive)
+
 
 def placed(machine: Machine, q: Array) -> tuple[Array, Array, Array, Array]:
     """Rotations, origins, lengths and moment arms at one pose."""
     nq, joints = len(q), joints_of(machine.arm)
     frames = new_frames(nq)
-    place_joints(joints, q, frames)
+    _place_joints(joints, q, frames)
     lengths, arms = [], []
     for drive in drives_of(machine)[: len(machine.cylinders)]:
         pins = new_pin_motion(nq)
-        length, _ = place_drive(drive, joints, frames, np.zeros(nq), pins)
+        length, _ = _place_drive(drive, joints, frames, np.zeros(nq), pins)
         lengths.append(length)
         arms.append(pins.arm)
     return frames.rotation, frames.origin, np.array(lengths), np.array(arms)

@@ -10,6 +10,7 @@ import pytest
 from armdesign import Machine
 from armdesign.hydraulics.actuator import Actuator
 from armdesign.hydraulics.valve import LAMINAR_DROP
+from armdesign.simulation.plant.compiled import borrowing
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.hydraulics import actuators_of, port, system_of
 from armdesign.simulation.plant.plant import Plant
@@ -20,6 +21,8 @@ from tests.simulation.plant.valve_machines import CYLINDERS, HOLDING, holding, r
 from tests.simulation.valves import WORST
 
 # -------------------------------------------------------------------------------- valves that leak
+
+_port = borrowing(port)  # compiled, called from Python here alone
 
 
 @pytest.mark.slow
@@ -164,7 +167,7 @@ def nearest_balance(machine: Machine, actuator: Actuator, index: int, force: flo
                 continue
             for spool in np.linspace(-1, 1, 81):
                 pairs = ((0, cap, annulus), (1, annulus, cap))
-                flows = [port(row, system, *pair, spool, supply.pressure) for pair in pairs]
+                flows = [_port(row, system, *pair, spool, supply.pressure) for pair in pairs]
                 least = min(least, max(abs(flow[0] - flow[1] + flow[2]) for flow in flows))
     return least / l_per_min
 
