@@ -19,9 +19,10 @@ from armdesign.control.own_gains import OwnGains, neighbours
 from armdesign.control.position_gains import individual
 from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
-PASSES, FEW = 3, 20  # over all poses, forwards and backwards in turn; changes at each
-STARTS, MANY = 16, 400  # searches of the lowest rows, and changes in each
-TOGETHER = 16  # rows
+PASSES, FEW = 2, 20  # over all poses, forwards and backwards in turn; changes at each
+STARTS, MANY = 4, 400  # searches of the lowest rows, and changes in each
+TOGETHER = 1  # rows
+AROUND = 0.3
 FAINT = 1e-3  # κ and η from which a search begins where there are none
 
 
@@ -47,7 +48,7 @@ class Schemes:
         for number in range(PASSES):
             rows = np.arange(len(start))
             rows = rows[::-1].copy() if number % 2 else rows
-            found.improve(rows, start[:, None], near, _noise(number, FEW, start.shape[1]))
+            found.improve(rows, start[:, None] if number == 0 else start[:, None][:, :0], near)
         own = safe(task, found.controller(task)).or_wider(common).or_wider(alone)
         return cls(simple, alone, common, own, start, _logarithms(task, own))
 
@@ -70,7 +71,7 @@ def _raise_lowest(
     ends = np.cumsum([0, *(len(part.works) for part in parts)])
     searched, number = np.zeros(len(width), dtype=int), PASSES
     while len(rows := _next(width, searched)):
-        noise = _noise(number, MANY, x.shape[1])
+        noise = _noise(number, len(x), x.shape[1])
         for part, each, first in zip(parts, found, ends, strict=False):
             some = rows[(rows >= first) & (rows < first + len(part.works))]
             if len(some):
@@ -78,7 +79,7 @@ def _raise_lowest(
                 around = np.concatenate([x[some, None], x[near[some]]], axis=1)
                 fresh = (searched[some] % 2 == 0)[:, None, None]
                 starts = np.where(fresh, start[some, None], around)
-                again, logs = _again(part.task(options, some - first), starts, noise)
+                again, logs = _again(part.task(options, some - first), starts + AROUND * noise[some, None])
                 better = again.figures.narrowest > width[some]
                 width[some[better]] = again.figures.narrowest[better]
                 x[some[better]] = logs[better]
@@ -87,10 +88,10 @@ def _raise_lowest(
         number += 1
 
 
-def _again(task: Task, starts: Array, noise: Array) -> tuple[Tuned, Array]:
+def _again(task: Task, starts: Array) -> tuple[Tuned, Array]:
     """Controllers (n) of one more search at each pose, and logarithms of their gains."""
     found, n = OwnGains(task), len(starts)
-    found.improve(np.arange(n), starts, np.zeros((n, 0), dtype=int), noise)
+    found.improve(np.arange(n), starts, np.zeros((n, 0), dtype=int))
     tuned = safe(task, found.controller(task))
     return tuned, _logarithms(task, tuned)
 

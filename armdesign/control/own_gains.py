@@ -1,13 +1,14 @@
-"""Gains of their own with pressure feedback, searched by a compiled evolution strategy.
+"""Gains of their own with pressure feedback, searched by a compiled interior-point method.
 
 The search of a pose begins at the best of some starts and of what its neighbours have found, and
-goes on by a (1+1)-CMA-ES (Igel, Suttorp, Hansen 2006): one random change of the logarithms of all
-gains at a time, kept where the margin holds and the loops are faster, whose size and directions
-follow those that were kept. A search finds no gains that are proven to be the largest: what it
-finds is a lower bound. It draws the same random numbers at every pose and every call.
+climbs by Newton steps, of the logarithms x of all gains, on
 
-The bandwidth of a loop leaps where a dip of |T| reaches −3 dB. So that the search sees a dip come,
-the narrowest bandwidth at a lower level counts a little too.
+    Φ(x) = F(x)/τ + Σ_ω log det(I − Y Yᴴ/limit²) + the same at the position errors,
+
+where F is how fast the loops are and the rest goes to −∞ where the margin is lost (a barrier; Y
+the balanced ½(S − T), see ``margins``). As τ falls, x follows a path between all limits to where
+the loops are fastest (Boyd, Vandenberghe 2004, chapter 11). The path ends at gains that no others
+near them exceed: what is found is a lower bound.
 """
 
 from __future__ import annotations
@@ -18,50 +19,87 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.loops import HALF, LoopArguments, close_loops, crossing
-from armdesign.control.margins import exceeds
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.control.loops import HALF, LoopArguments, LoopRoom, close_loops, crossing, halve
+from armdesign.control.margins import log_room
+from armdesign.simulation.plant.compiled import borrowing
 
 if TYPE_CHECKING:
     from armdesign.control.controller import Controller
     from armdesign.control.tuning import Task
 
-LEVELS = (HALF, 0.6)  # of |T| at which bandwidths count: −3 dB, and below it
-LOWER = 0.3  # weight of the bandwidth at the lower level
 MEAN = 0.1  # weight of the mean of all loops' bandwidths beside the narrowest
 SPARE = 1.015  # of the margin, for what lies between the frequencies of a grid
-SHARES = (1.0, 0.8, 0.6, 0.4)  # of a start's position gains, of which the first may hold
-STEP, LEAST_STEP = 0.25, 1e-3  # at the start of a search and at its end, of logarithms
+SHARES = (0.98, 0.9, 0.7, 0.5, 0.3)  # of a start's gains, of which the first may hold
 MOST = math.log(3.0)  # κ and η: beyond, a loop may be unstable above all frequencies of a grid
-REMEMBERED = 6  # frequencies that missed the margin last: looked at first
 NEIGHBOURS = 4
-GOAL, SMOOTH = 2 / 11, 1 / 12  # share of successes that keeps the step; of the newest in the mean
-OFTEN = 0.44  # share of successes from which a step is taken to be too small, not badly turned
+FIRST, LAST, FALL = 0.02, 1e-3, 0.4  # τ of the path, of log bandwidths, and its falls
+STEPS = 40  # of a path
+LONGEST, SHORTEST, ANEW = 0.5, 2e-3, 0.1  # steps of logarithms: trusted first and at the least
+GOOD, POOR, SHORTER = 0.6, 0.3, 1 / 3  # share of a promised gain, and how much less is trusted
+SETTLED = 1.0  # gain of Φ below which τ falls
+RIDGE = 1e-3  # of curvature, and where steps are too long
+DIFFERENCE = 1e-5  # of a logarithm, for slopes
+FAR = 1.0  # by which logarithms of room are less at frequencies that count in slopes
+
+
+class _Seen(NamedTuple):
+    """What is seen of the loops at some gains."""
+
+    rooms: Array  # logarithms of the room at each frequency, of both openings (f,)
+    sizes: Array  # |T| of each loop (f, nq)
+    crossed: Array  # index of the first frequency below −3 dB (nq,); f: none
+    logs: Array  # of bandwidths (nq,)
+
+    @classmethod
+    def of(cls, count: int, nq: int) -> _Seen:
+        arrays = np.zeros(count), np.zeros((count, nq)), np.zeros(nq, dtype=int), np.zeros(nq)
+        return cls(*arrays)
+
+
+class _Model(NamedTuple):
+    """Φ about some gains, to second order, and steps from there."""
+
+    rooms: Array  # slopes of ``_Seen.rooms`` (f, n)
+    logs: Array  # and of ``_Seen.logs`` (nq, n)
+    weights: Array  # of the loops in F (nq,)
+    mean: Array  # slope of F (n,)
+    slope: Array  # of Φ (n,)
+    curvature: Array  # of −Φ (n, n)
+    lower: Array  # Cholesky factor of the curvature and a ridge (n, n)
+    step: Array  # (n,)
+
+    @classmethod
+    def of(cls, count: int, nq: int, n: int) -> _Model:
+        shapes = (count, n), (nq, n), nq, n, n, (n, n), (n, n), n
+        return cls(*(np.zeros(shape) for shape in shapes))
 
 
 class _Search(NamedTuple):
-    """Loops whose gains are searched, and room for one frequency of them."""
+    """Loops whose gains are searched, and room for the search of one pose."""
 
     loops: LoopArguments
     omega: Array  # (n, f)
     units: Array  # gains of κ = 1 and η = 1 (n, nq + nc)
     limit: float  # of μ(½(S − T))
-    last_missed: Array  # places of frequencies (REMEMBERED,)
-    opened: Array
-    S_c: Array
-    closed: Array
-    S: Array
+    room: LoopRoom
+    seen: _Seen
+    other: _Seen
+    model: _Model
+    trial: Array  # logarithms of gains (nq + nc,)
+    start: Array
+    top: Array
 
     @classmethod
     def of(cls, task: Task) -> _Search:
         args = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
         gains, pressure = args.gains.copy(), args.pressure_gains.copy()
-        nq, nc = gains.shape[1], pressure.shape[1]
-        room = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
-        limit, last_missed = 1 / (SPARE * task.aim.margin), np.zeros(REMEMBERED, dtype=int)
         args = args._replace(gains=gains, pressure_gains=pressure)
         both = np.concatenate([gains, pressure], axis=1)
-        return cls(args, task.loops.omega, both, limit, last_missed, *room)
+        count, nq, n = task.loops.omega.shape[1], gains.shape[1], both.shape[1]
+        limit, seen = 1 / (SPARE * task.aim.margin), (_Seen.of(count, nq) for _ in range(2))
+        room, model = LoopRoom.of(task.loops), _Model.of(count, nq, n)
+        gains_of = (np.zeros(n) for _ in range(3))
+        return cls(args, task.loops.omega, both, limit, room, *seen, model, *gains_of)
 
 
 class OwnGains:
@@ -77,16 +115,15 @@ class OwnGains:
         n, gains = self._search.units.shape
         self.x, self.scores = np.zeros((n, gains)), np.full(n, -np.inf)
 
-    def improve(self, rows: Array, starts: Array, near: Array, noise: Array) -> None:
-        """Search at poses in turn, from the best of what is known there, next to it, or given.
+    def improve(self, rows: Array, starts: Array, near: Array) -> None:
+        """Search at poses in turn, from the best of what is known next to each, or given.
 
         Args:
             rows: indices of the poses.
             starts: logarithms of gains that each pose tries (n, m, nq + nc).
             near: indices of the poses next to each (n, k).
-            noise: random changes (tries, nq + nc).
         """
-        _improve(self._search, rows, starts, near, noise, self.x, self.scores)
+        _improve(self._search, rows, starts, near, self.x, self.scores)
 
     def controller(self, task: Task) -> Controller:
         """The controllers found (n); gains 0 where none are."""
@@ -107,122 +144,246 @@ def neighbours(q: Array) -> Array:
     return np.ascontiguousarray(near[:, 1:])
 
 
-@compiled
+@borrowing
 def _improve(
-    search: _Search, rows: Array, starts: Array, near: Array, noise: Array, x: Array, scores: Array
+    search: _Search, rows: Array, starts: Array, near: Array, x: Array, scores: Array
 ) -> None:
-    nq = search.loops.gains.shape[1]
-    trial, best_start = np.empty(x.shape[1]), np.empty(x.shape[1])
+    count = near.shape[1]
     for pose in rows:
-        search.last_missed[:] = 0
-        best = scores[pose]
-        _copy(x[pose], best_start)
-        count = near.shape[1]
+        best = -np.inf
         for k in range(count + starts.shape[1]):
-            if k < count and scores[near[pose, k]] == -np.inf:
-                continue
-            start = x[near[pose, k]] if k < count else starts[pose, k - count]
-            for share in SHARES:
-                for i in range(len(start)):
-                    trial[i] = start[i] + (math.log(share) if i < nq else 0.0)
-                score = _score_if_better(search, pose, trial, best)
-                if score > best:
-                    best = score
-                    _copy(trial, best_start)
-                    break
+            if k >= count:
+                best = _start(search, pose, starts[pose, k - count], best)
+            elif scores[near[pose, k]] > -np.inf:
+                best = _start(search, pose, x[near[pose, k]], best)
         if best > -np.inf:
-            scores[pose] = _evolve(search, pose, best_start, best, noise)
-            _copy(best_start, x[pose])
+            score = _climb(search, pose)
+            if score > scores[pose]:
+                scores[pose] = score
+                _copy(search.top, x[pose])
 
 
-@compiled
-def _evolve(search: _Search, pose: int, x: Array, best: float, noise: Array) -> float:
-    """Score of the best logarithms of gains near x, which takes their place; (1+1)-CMA-ES."""
-    n = len(x)
-    damping, path_rate, rate = 1 + n / 2, 2 / (n + 2), 2 / (n**2 + 6)
-    step, success, path, trial = STEP, GOAL, np.zeros(n), np.empty(n)
-    covariance: Array = np.eye(n)
-    turned: Array = np.eye(n)
-    for number in range(len(noise)):
-        change = turned @ noise[number]
-        for i in range(n):
-            trial[i] = x[i] + step * change[i]
-        score = _score_if_better(search, pose, trial, best)
-        success = (1 - SMOOTH) * success + (SMOOTH if score > best else 0.0)
-        step *= math.exp((success - GOAL) / (1 - GOAL) / damping)
-        if score > best:
-            best = score
-            _copy(trial, x)
-            seldom = success < OFTEN
-            for i in range(n):
-                path[i] *= 1 - path_rate
-                if seldom:
-                    path[i] += math.sqrt(path_rate * (2 - path_rate)) * change[i]
-            keep = 1 - rate + (0.0 if seldom else rate * path_rate * (2 - path_rate))
-            for i in range(n):
-                for j in range(n):
-                    covariance[i, j] = keep * covariance[i, j] + rate * (path[i] * path[j])
-            turned = np.linalg.cholesky(covariance)
-        if step < LEAST_STEP:
+@borrowing
+def _start(search: _Search, pose: int, x: Array, best: float) -> float:
+    """The score of the largest share of gains that keeps the margin, or the best if larger.
+
+    A larger score's gains are written into ``search.start``.
+    """
+    for share in SHARES:
+        for i in range(len(x)):
+            search.trial[i] = x[i] + math.log(share)
+        if _look(search, pose, search.trial, search.seen):
+            score = _score(search.seen, LAST)
+            if score > best:
+                _copy(search.trial, search.start)
+                return score
             break
     return best
 
 
-@compiled
-def _score_if_better(search: _Search, pose: int, x: Array, best: float) -> float:
-    """Score of gains of logarithms x, how wide the loops are, if above the best; else −∞.
+@borrowing
+def _climb(search: _Search, pose: int) -> float:
+    """Score of the best gains on the path from the start, which are written into the top."""
+    seen, other, model, x = search.seen, search.other, search.model, search.start
+    best, tau, trust = -np.inf, FIRST, LONGEST
+    _look(search, pose, x, seen)
+    for _ in range(STEPS):
+        _write_slopes(search, pose, seen, other)
+        _write_model(model, seen, tau)
+        length = _write_step(model, trust)
+        for i in range(len(x)):
+            search.trial[i] = min(x[i] + model.step[i], MOST)
+        gained, promised = -np.inf, _promised(model)
+        if _look(search, pose, search.trial, other):
+            gained = _value(other, tau) - _value(seen, tau)
+        if gained > 0.0:
+            seen, other = other, seen
+            _copy(search.trial, x)
+            if _score(seen, LAST) > best:
+                best = _score(seen, LAST)
+                _copy(x, search.top)
+        if gained > GOOD * promised:
+            trust = min(2 * trust, LONGEST)
+        elif gained < POOR * promised:
+            trust = SHORTER * length
+        if trust < SHORTEST or (gained > 0.0 and promised < SETTLED and length < 0.9 * trust):
+            tau, trust = tau * FALL, max(trust, ANEW)
+            if tau < LAST:
+                break
+    return best
 
-    −∞ too where the margin does not hold.
-    """
-    if x.max() > MOST:
-        return -np.inf
+
+@borrowing
+def _score(seen: _Seen, tau: float) -> float:
+    """F: logarithm of the narrowest bandwidth, softened by τ, and a share of the mean of all."""
+    least, total, softened = np.inf, 0.0, 0.0
+    for log in seen.logs:
+        least, total = min(least, log), total + log
+    for log in seen.logs:
+        softened += math.exp((least - log) / tau)
+    return least - tau * math.log(softened) + MEAN * total / len(seen.logs)
+
+
+@borrowing
+def _value(seen: _Seen, tau: float) -> float:
+    """Φ."""
+    value = _score(seen, tau) / tau
+    for room in seen.rooms:
+        value += room
+    return value
+
+
+@borrowing
+def _write_slopes(search: _Search, pose: int, seen: _Seen, other: _Seen) -> None:
+    """Write slopes at the start of what is seen there, of what counts, by first differences."""
+    x, trial, model, count = search.start, search.trial, search.model, len(seen.rooms)
+    most = -np.inf
+    for room in seen.rooms:
+        most = max(most, room)
+    _copy(x, trial)
+    for k in range(len(x)):
+        trial[k] = x[k] + DIFFERENCE
+        _set_gains(search, pose, trial)
+        trial[k] = x[k]
+        for f in range(count):
+            model.rooms[f, k] = 0.0
+            if seen.rooms[f] < most - FAR:
+                risen = max(_see(search, pose, f, other) - seen.rooms[f], -1.0)
+                model.rooms[f, k] = risen / DIFFERENCE
+        for i in range(len(seen.logs)):
+            model.logs[i, k] = 0.0
+            f = seen.crossed[i]
+            if f < count:
+                _see(search, pose, f, other)
+                _see(search, pose, max(f - 1, 0), other)
+                risen = _log_crossing(search, pose, other, f, i) - seen.logs[i]
+                model.logs[i, k] = risen / DIFFERENCE
+
+
+@borrowing
+def _write_model(model: _Model, seen: _Seen, tau: float) -> None:
+    """Write the slope of Φ and its curvature, of which no second differences are known."""
+    count, (nq, n) = len(model.rooms), model.logs.shape
+    least, total, weights, mean = np.inf, 0.0, model.weights, model.mean
+    for log in seen.logs:
+        least = min(least, log)
+    for i in range(nq):
+        weights[i] = math.exp((least - seen.logs[i]) / tau)
+        total += weights[i]
+    for k in range(n):
+        mean[k], even = 0.0, 0.0
+        for i in range(nq):
+            mean[k] += weights[i] / total * model.logs[i, k]
+            even += MEAN / nq * model.logs[i, k]
+        model.slope[k] = (mean[k] + even) / tau
+        for f in range(count):
+            model.slope[k] += model.rooms[f, k]
+    for k in range(n):
+        for j in range(n):
+            bent = 0.0
+            for i in range(nq):
+                of_loop = (model.logs[i, k] - mean[k]) * (model.logs[i, j] - mean[j])
+                bent += weights[i] / total / tau**2 * of_loop
+            for f in range(count):
+                bent += model.rooms[f, k] * model.rooms[f, j]
+            model.curvature[k, j] = bent + (0.1 if j == k else 0.0)
+
+
+@borrowing
+def _write_step(model: _Model, trust: float) -> float:
+    """Write the best step of a model that is no longer than trusted; its length."""
+    n, length, ridge = len(model.step), np.inf, 0.0
+    for k in range(n):
+        ridge += model.slope[k] ** 2
+    ridge = RIDGE * math.sqrt(ridge) / trust
+    while length > trust:
+        _solve(model, ridge)
+        length = 0.0
+        for k in range(n):
+            length += model.step[k] ** 2
+        length = math.sqrt(length)
+        ridge *= 3
+    return length
+
+
+@borrowing
+def _promised(model: _Model) -> float:
+    """By how much a step raises Φ in the model."""
+    total = 0.0
+    for k in range(len(model.step)):
+        total += model.slope[k] * model.step[k]
+        for j in range(len(model.step)):
+            total -= 0.5 * model.step[k] * model.curvature[k, j] * model.step[j]
+    return total
+
+
+@borrowing
+def _solve(model: _Model, ridge: float) -> None:
+    """Write the step of a model whose curvature is raised by a ridge; by Cholesky."""
+    lower, step, n = model.lower, model.step, len(model.step)
+    for i in range(n):
+        step[i] = model.slope[i]
+        for j in range(i + 1):
+            lower[i, j] = model.curvature[i, j] + (ridge if i == j else 0.0)
+            for k in range(j):
+                lower[i, j] -= lower[i, k] * lower[j, k]
+            lower[i, j] = lower[i, j] / lower[j, j] if j < i else math.sqrt(lower[i, i])
+        for k in range(i):
+            step[i] -= lower[i, k] * step[k]
+        step[i] /= lower[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            step[i] -= lower[k, i] * step[k]
+        step[i] /= lower[i, i]
+
+
+@borrowing
+def _look(search: _Search, pose: int, x: Array, seen: _Seen) -> bool:
+    """Whether the margin holds with gains of logarithms x; if so ``seen`` is of them."""
     _set_gains(search, pose, x)
-    for turn in range(REMEMBERED):
-        if _misses(search, pose, search.last_missed[turn]):
-            _move_to_front(search.last_missed, turn)
-            return -np.inf
-    score, count = np.inf, search.omega.shape[1]
-    last, crossings = np.ones(len(search.S)), np.zeros((len(LEVELS), len(search.S)))
+    count = len(seen.rooms)
     for f in range(count):
-        if _misses(search, pose, f):
-            search.last_missed[-1] = f
-            _move_to_front(search.last_missed, REMEMBERED - 1)
-            return -np.inf
-        if score == np.inf:
-            for i in range(len(search.S)):
-                size = abs(0.5 - search.S[i, i])
-                for level in range(len(LEVELS)):
-                    if crossings[level, i] == 0.0 and size < LEVELS[level]:
-                        omega, at = search.omega[pose], LEVELS[level]
-                        crossings[level, i] = crossing(omega, f, last[i], size, at)
-                last[i] = size
-            if f == count - 1 or crossings.min() > 0.0:  # the rest is but for the margin
-                score = _score(crossings, search.omega[pose, count - 1])
-                if score <= best:
-                    return -np.inf
-    return score
+        seen.rooms[f] = _see(search, pose, f, seen)
+        if seen.rooms[f] == -np.inf:
+            return False
+    for i in range(len(seen.logs)):
+        f = 0
+        while f < count and seen.sizes[f, i] >= HALF:
+            f += 1
+        seen.crossed[i] = f
+        seen.logs[i] = math.log(search.omega[pose, count - 1])
+        if f < count:
+            seen.logs[i] = _log_crossing(search, pose, seen, f, i)
+    return True
 
 
-@compiled
-def _score(crossings: Array, highest: float) -> float:
-    """How wide loops are that cross levels at frequencies (levels, nq); 0: above the highest."""
-    count = crossings.shape[1]
-    narrowest, lower, total = np.inf, np.inf, 0.0
-    for i in range(count):
-        log = math.log(crossings[0, i] if crossings[0, i] > 0 else highest)
-        narrowest, total = min(narrowest, log), total + log
-        lower = min(lower, math.log(crossings[1, i] if crossings[1, i] > 0 else highest))
-    return narrowest + LOWER * lower + MEAN * total / count
+@borrowing
+def _see(search: _Search, pose: int, f: int, seen: _Seen) -> float:
+    """Logarithm of the room at a frequency, where |T| of each loop is written."""
+    room = search.room
+    close_loops(search.loops, pose, f, room)
+    for i in range(len(room.S)):
+        seen.sizes[f, i] = abs(1 - room.S[i, i])
+    halve(room)
+    command = log_room(room.S_c, search.limit, room.command)
+    return command + log_room(room.S, search.limit, room.position)
 
 
-@compiled
+@borrowing
+def _log_crossing(search: _Search, pose: int, seen: _Seen, f: int, i: int) -> float:
+    """Logarithm of the bandwidth of loop i, which crosses −3 dB below the frequency f."""
+    last = seen.sizes[f - 1, i] if f > 0 else 1.0
+    return math.log(crossing(search.omega[pose], f, last, seen.sizes[f, i], HALF))
+
+
+@borrowing
 def _copy(values: Array, into: Array) -> None:
-    """Write values (n,) into another array: where a slice is set, numba compiles far more."""
+    """Write values (n,) into another array."""
     for i in range(len(values)):
         into[i] = values[i]
 
 
-@compiled
+@borrowing
 def _set_gains(search: _Search, pose: int, x: Array) -> None:
     nq = search.loops.gains.shape[1]
     for i in range(len(x)):
@@ -231,23 +392,3 @@ def _set_gains(search: _Search, pose: int, x: Array) -> None:
             search.loops.gains[pose, i] = gain
         else:
             search.loops.pressure_gains[pose, i - nq] = gain
-
-
-@compiled
-def _move_to_front(last_missed: Array, turn: int) -> None:
-    """Move a frequency to the front of those that missed last."""
-    for k in range(turn, 0, -1):
-        last_missed[k], last_missed[k - 1] = last_missed[k - 1], last_missed[k]
-
-
-@compiled
-def _misses(search: _Search, pose: int, f: int) -> bool:
-    """Whether the margin is missed at a frequency; S − ½ is in ``search.S`` where it holds."""
-    close_loops(search.loops, pose, f, search.opened, search.S_c, search.closed, search.S)
-    for i in range(len(search.S_c)):
-        search.S_c[i, i] -= 0.5
-    for i in range(len(search.S)):
-        search.S[i, i] -= 0.5
-    return exceeds(search.S_c, search.limit, search.opened) or exceeds(
-        search.S, search.limit, search.closed
-    )
