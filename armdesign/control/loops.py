@@ -130,7 +130,13 @@ class Loops(ReadOnly):
         nc, count = self.positions.shape[3], len(self.omega.T)
         S_c, S = (np.empty((count, m, m), complex) for m in (nc, nq))
         _write_figures(
-            self.arguments(controller), self.omega, LoopRoom.of(self), S_c, S, np.empty((2, nq)), figures
+            self.arguments(controller),
+            self.omega,
+            LoopRoom.of(self),
+            S_c,
+            S,
+            np.empty((2, nq)),
+            figures,
         )
         closed = controller.position.all(axis=1)
         return LoopFigures(*((values.T * closed).T for values in figures))
@@ -198,8 +204,8 @@ class LoopRoom(NamedTuple):
     def of(cls, loops: Loops) -> LoopRoom:
         """For some loops."""
         nq, nc = loops.positions.shape[2:]
-        matrices = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
-        return cls(*matrices, Room.of(nc), Room.of(nq))
+        opened, S_c, closed, S = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
+        return cls(opened, S_c, closed, S, Room.of(nc), Room.of(nq))
 
 
 @borrowing
@@ -228,15 +234,15 @@ def close_loops(loops: LoopArguments, pose: int, f: int, room: LoopRoom) -> None
 
 
 @borrowing
-def crossing(omega: Array, f: int, last: float, size: float, level: float) -> float:
-    """Frequency at which a response falls to a level [rad/s], of frequencies omega (f,).
+def crossing(omega: Array, f: int, last: float, size: float) -> float:
+    """Frequency at which a response falls to −3 dB [rad/s], of frequencies omega (f,).
 
-    Its size is below the level at the frequency f for the first time, ``last`` at the one before.
+    Its size is below it at the frequency f for the first time, ``last`` at the one before.
     Below all frequencies, which begin far below the modes, it is a lag of first order.
     """
     if f == 0:
-        return float(omega[0] * size / math.sqrt(1 - size**2) * math.sqrt(level**-2 - 1))
-    share = math.log(last / level) / math.log(last / size)
+        return float(omega[0] * size / math.sqrt(1 - size**2))
+    share = math.log(last / HALF) / math.log(last / size)
     return float(omega[f - 1] * (omega[f] / omega[f - 1]) ** share)
 
 
@@ -319,5 +325,5 @@ def _keep(matrix: Array, matrices: Array, f: int) -> None:
 def _cross(omega: Array, f: int, size: float, last: Array, widths: Array, i: int) -> None:
     """Write where the response of loop i, of this size at frequency f, falls below −3 dB first."""
     if widths[i] == 0.0 and size < HALF:
-        widths[i] = crossing(omega, f, last[i], size, HALF)
+        widths[i] = crossing(omega, f, last[i], size)
     last[i] = size

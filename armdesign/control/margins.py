@@ -118,7 +118,7 @@ def exceeds(matrix: Array, limit: float, room: Room) -> bool:
 
 @borrowing
 def log_room(matrix: Array, limit: float, room: Room) -> float:
-    """log det(I − Y Yᴴ/limit²) of the balanced Y: how far μ(X) is below a limit; −∞ if it is not.
+    """How far μ(X) is below a limit: log det(I − Y Yᴴ/limit²) of the balanced Y; −∞ if above.
 
     Y Yᴴ is in the room then.
     """
@@ -158,7 +158,7 @@ def _squares(matrix: Array) -> float:
 
 @borrowing
 def _log_pivots(room: Room, limit: float) -> float:
-    """log det(I − X/limit) of the Hermitian X in a room by Cholesky's pivots; −∞ if one is ≤ 0."""
+    """Logarithm of det(I − X/limit), X the Hermitian in a room; −∞ where I − X/limit is not positive."""
     square, lower, product = room.square, room.lower, 1.0
     for i in range(len(square)):
         for j in range(i + 1):

@@ -1,24 +1,26 @@
-"""Gains of their own with pressure feedback, searched by a compiled interior-point method.
+"""Gains of their own with pressure feedback, searched by an interior-point method.
 
-The search of a pose begins at the best of some starts and of what its neighbours have found, and
-climbs by Newton steps, of the logarithms x of all gains, on
+The search of a pose begins at common gains, or at what its neighbours have found, and climbs by
+Newton steps, of the logarithms x of all gains, on
 
     Φ(x) = F(x)/τ + Σ_ω log det(I − Y Yᴴ/limit²) + the same at the position errors,
 
-where F is how fast the loops are and the rest goes to −∞ where the margin is lost (a barrier; Y
-the balanced ½(S − T), see ``margins``). As τ falls, x follows a path between all limits to where
-the loops are fastest (Boyd, Vandenberghe 2004, chapter 11). The path ends at gains that no others
-near them exceed: what is found is a lower bound.
+where F is how fast the loops are and the rest, ``room``, goes to −∞ where the margin is lost (a
+barrier; Y the balanced ½(S − T), see ``margins``). As τ falls, x follows a path between all limits
+to where the loops are fastest (Boyd, Vandenberghe 2004, chapter 11), up to gains that none near
+them exceed. Others far away may be better: what is found is a lower bound. All poses climb
+at once.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.control.loops import HALF, LoopArguments, LoopRoom, close_loops, crossing, halve
 from armdesign.control.margins import log_room
 from armdesign.simulation.plant.compiled import borrowing
@@ -34,72 +36,47 @@ MOST = math.log(3.0)  # κ and η: beyond, a loop may be unstable above all freq
 NEIGHBOURS = 4
 FIRST, LAST, FALL = 0.02, 1e-3, 0.4  # τ of the path, of log bandwidths, and its falls
 STEPS = 40  # of a path
-LONGEST, SHORTEST, ANEW = 0.5, 2e-3, 0.1  # steps of logarithms: trusted first and at the least
-GOOD, POOR, SHORTER = 0.6, 0.3, 1 / 3  # share of a promised gain, and how much less is trusted
-SETTLED = 1.0  # gain of Φ below which τ falls
-RIDGE = 1e-3  # of curvature, and where steps are too long
+LONGEST, SHORTEST, ANEW = 0.5, 2e-3, 0.1  # steps of logarithms that are trusted
+GOOD, POOR, SHORTER = 0.6, 0.3, 1 / 3  # shares of a promised gain, and how much less is trusted
+SETTLED, TRUSTED = 1.0, 0.9  # gain of Φ and share of the longest step below which τ falls
+RIDGE, LEAST = 3.0, 0.1  # factor on what bends Φ more where steps are too long, and its least
 DIFFERENCE = 1e-5  # of a logarithm, for slopes
-FAR = 1.0  # by which logarithms of room are less at frequencies that count in slopes
+FAR = 2.0  # by which logarithms of room are less at frequencies that count in slopes
 
 
-class _Seen(NamedTuple):
-    """What is seen of the loops at some gains."""
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What is seen of the loops of m poses at some gains."""
 
-    rooms: Array  # logarithms of the room at each frequency, of both openings (f,)
-    sizes: Array  # |T| of each loop (f, nq)
-    crossed: Array  # index of the first frequency below −3 dB (nq,); f: none
-    logs: Array  # of bandwidths (nq,)
+    rooms: Array  # logarithms of the room at each frequency, of both openings (m, f)
+    sizes: Array  # |T| of each loop (m, f, nq)
+    crossed: Array  # first frequency at which it is below −3 dB (m, nq); f: at none
+    logs: Array  # of bandwidths (m, nq)
 
-    @classmethod
-    def of(cls, count: int, nq: int) -> _Seen:
-        arrays = np.zeros(count), np.zeros((count, nq)), np.zeros(nq, dtype=int), np.zeros(nq)
-        return cls(*arrays)
+    @property
+    def holds(self) -> Flags:
+        """Where the margin holds (m,)."""
+        return np.asarray(self.rooms.min(axis=1) > -np.inf)
 
+    def score(self, tau: Array | float) -> Array:
+        """F: the narrowest log bandwidth, softened by τ, and a share of the mean of all (m,)."""
+        least = self.logs.min(axis=1)
+        with np.errstate(under="ignore"):
+            wider = np.exp((least[:, None] - self.logs) / np.reshape(tau, (-1, 1)))
+        return np.asarray(least - tau * np.log(wider.sum(axis=1)) + MEAN * self.logs.mean(axis=1))
 
-class _Model(NamedTuple):
-    """Φ about some gains, to second order, and steps from there."""
+    def value(self, tau: Array) -> Array:
+        """Φ (m,)."""
+        return np.asarray(self.score(tau) / tau + self.rooms.sum(axis=1))
 
-    rooms: Array  # slopes of ``_Seen.rooms`` (f, n)
-    logs: Array  # and of ``_Seen.logs`` (nq, n)
-    weights: Array  # of the loops in F (nq,)
-    mean: Array  # slope of F (n,)
-    slope: Array  # of Φ (n,)
-    curvature: Array  # of −Φ (n, n)
-    lower: Array  # Cholesky factor of the curvature and a ridge (n, n)
-    step: Array  # (n,)
+    def __getitem__(self, rows: Array) -> _Seen:
+        return _Seen(*(of[rows] for of in (self.rooms, self.sizes, self.crossed, self.logs)))
 
-    @classmethod
-    def of(cls, count: int, nq: int, n: int) -> _Model:
-        shapes = (count, n), (nq, n), nq, n, n, (n, n), (n, n), n
-        return cls(*(np.zeros(shape) for shape in shapes))
-
-
-class _Search(NamedTuple):
-    """Loops whose gains are searched, and room for the search of one pose."""
-
-    loops: LoopArguments
-    omega: Array  # (n, f)
-    units: Array  # gains of κ = 1 and η = 1 (n, nq + nc)
-    limit: float  # of μ(½(S − T))
-    room: LoopRoom
-    seen: _Seen
-    other: _Seen
-    model: _Model
-    trial: Array  # logarithms of gains (nq + nc,)
-    start: Array
-    top: Array
-
-    @classmethod
-    def of(cls, task: Task) -> _Search:
-        args = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
-        gains, pressure = args.gains.copy(), args.pressure_gains.copy()
-        args = args._replace(gains=gains, pressure_gains=pressure)
-        both = np.concatenate([gains, pressure], axis=1)
-        count, nq, n = task.loops.omega.shape[1], gains.shape[1], both.shape[1]
-        limit, seen = 1 / (SPARE * task.aim.margin), (_Seen.of(count, nq) for _ in range(2))
-        room, model = LoopRoom.of(task.loops), _Model.of(count, nq, n)
-        gains_of = (np.zeros(n) for _ in range(3))
-        return cls(args, task.loops.omega, both, limit, room, *seen, model, *gains_of)
+    def where(self, flags: Flags, other: _Seen) -> _Seen:
+        """This at flagged poses (m,), the other at the rest."""
+        names = ("rooms", "sizes", "crossed", "logs")
+        pairs = ((getattr(self, name), getattr(other, name)) for name in names)
+        return _Seen(*(np.where(flags, mine.T, theirs.T).T for mine, theirs in pairs))
 
 
 class OwnGains:
@@ -111,25 +88,106 @@ class OwnGains:
     """
 
     def __init__(self, task: Task) -> None:
-        self._search = _Search.of(task)
-        n, gains = self._search.units.shape
-        self.x, self.scores = np.zeros((n, gains)), np.full(n, -np.inf)
+        args = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
+        self._units = np.concatenate([args.gains, args.pressure_gains], axis=1)
+        self._loops = args._replace(
+            gains=args.gains.copy(), pressure_gains=args.pressure_gains.copy()
+        )
+        self._omega, self._room = task.loops.omega, LoopRoom.of(task.loops)
+        self._limit = 1 / (SPARE * task.aim.margin)
+        self.x, self.scores = np.zeros(self._units.shape), np.full(len(self._units), -np.inf)
 
-    def improve(self, rows: Array, starts: Array, near: Array) -> None:
-        """Search at poses in turn, from the best of what is known next to each, or given.
-
-        Args:
-            rows: indices of the poses.
-            starts: logarithms of gains that each pose tries (n, m, nq + nc).
-            near: indices of the poses next to each (n, k).
-        """
-        _improve(self._search, rows, starts, near, self.x, self.scores)
+    def improve(self, starts: Array) -> None:
+        """Search at all poses, from the best of starts: logarithms of gains (n, m, nq + nc)."""
+        n = len(starts)
+        start, best = np.zeros(self.x.shape), np.full(n, -np.inf)
+        for given in np.moveaxis(starts, 1, 0):
+            rows = np.flatnonzero(np.isfinite(given).all(axis=1))
+            for share in SHARES:
+                x = given[rows] + math.log(share)
+                seen = self._look(rows, x)
+                better = seen.holds & (seen.score(LAST) > best[rows])
+                start[rows[better]], best[rows[better]] = x[better], seen.score(LAST)[better]
+                rows = rows[~seen.holds]
+        rows = np.flatnonzero(np.isfinite(best))
+        x, scores = self._climb(rows, start[rows])
+        better = scores > self.scores[rows]
+        self.x[rows[better]], self.scores[rows[better]] = x[better], scores[better]
 
     def controller(self, task: Task) -> Controller:
         """The controllers found (n); gains 0 where none are."""
         gains = np.where(np.isfinite(self.scores)[:, None], np.exp(self.x), 0.0)
         nq = task.plant.joints
         return task.controller(gains[:, :nq], gains[:, nq:])
+
+    def _climb(self, poses: Array, x: Array) -> tuple[Array, Array]:
+        """The best gains on the paths from x (m, nq + nc), and their scores (m,)."""
+        m = len(poses)
+        top, best, x = x.copy(), np.full(m, -np.inf), x.copy()
+        tau, trust, rows = np.full(m, FIRST), np.full(m, LONGEST), np.arange(m)
+        seen, steps = self._look(poses, x), 0
+        while len(rows) and steps < STEPS:
+            slope, curvature = self._model(poses[rows], x[rows], seen, tau[rows])
+            step = _steps(slope, curvature, trust[rows])
+            tried = np.minimum(x[rows] + step, MOST)
+            other = self._look(poses[rows], tried)
+            gained = other.value(tau[rows]) - seen.value(tau[rows])
+            up = gained > 0
+            seen, x[rows[up]] = other.where(up, seen), tried[up]
+            score = seen.score(LAST)
+            higher = up & (score > best[rows])
+            best[rows[higher]], top[rows[higher]] = score[higher], tried[higher]
+            promised = ((slope - np.einsum("mij,mj->mi", curvature, step) / 2) * step).sum(axis=1)
+            length = np.linalg.norm(step, axis=1)
+            trust[rows] = _trusted(trust[rows], length, gained / promised)
+            settled = up & (promised < SETTLED) & (length < TRUSTED * trust[rows])
+            settled |= trust[rows] < SHORTEST
+            tau[rows[settled]] *= FALL
+            trust[rows[settled]] = np.maximum(trust[rows[settled]], ANEW)
+            on, steps = tau[rows] >= LAST, steps + 1
+            rows, seen = rows[on], seen[on]
+        return top, best
+
+    def _model(self, poses: Array, x: Array, seen: _Seen, tau: Array) -> tuple[Array, Array]:
+        """Slope of Φ at x (m, n), and how it bends down (m, n, n); from first differences."""
+        (m, n), (f, nq) = x.shape, seen.sizes.shape[1:]
+        asked = seen.rooms < seen.rooms.max(axis=1, keepdims=True) - FAR
+        crossed, each = np.minimum(seen.crossed, f - 1), np.arange(m)[:, None]
+        asked[each, crossed] = asked[each, np.maximum(crossed - 1, 0)] = True
+        more = np.repeat(x, n, axis=0) + DIFFERENCE * np.tile(np.eye(n), (m, 1))
+        again = np.repeat(np.arange(m), n)
+        rooms, sizes = seen.rooms[again], seen.sizes[again]
+        self._write(poses[again], more, asked[again], rooms, sizes)
+        logs = self._log_bandwidths(poses[again], sizes, seen.crossed[again])
+        by_rooms = (rooms - seen.rooms[again]).clip(-1.0).reshape(m, n, f) / DIFFERENCE
+        by_logs = (logs - seen.logs[again]).reshape(m, n, nq) / DIFFERENCE
+        with np.errstate(under="ignore"):
+            weights = np.exp((seen.logs.min(axis=1)[:, None] - seen.logs) / tau[:, None])
+        weights /= weights.sum(axis=1, keepdims=True)
+        mean = np.einsum("mi,mki->mk", weights, by_logs)
+        slope = (mean + MEAN * by_logs.mean(axis=2)) / tau[:, None] + by_rooms.sum(axis=2)
+        beside = (by_logs - mean[:, :, None]) * np.sqrt(weights)[:, None] / tau[:, None, None]
+        bent = by_rooms @ np.swapaxes(by_rooms, 1, 2) + beside @ np.swapaxes(beside, 1, 2)
+        return slope, bent + LEAST * np.eye(n)
+
+    def _look(self, poses: Array, x: Array) -> _Seen:
+        """What is seen of poses (m,) with gains of logarithms x (m, nq + nc)."""
+        m, (f, nq) = len(poses), self._loops.positions.shape[1:3]
+        rooms, sizes = np.zeros((m, f)), np.ones((m, f, nq))
+        self._write(poses, x, np.ones((m, f), dtype=bool), rooms, sizes)
+        below = sizes < HALF
+        crossed = np.where(below.any(axis=1), below.argmax(axis=1), f)
+        return _Seen(rooms, sizes, crossed, self._log_bandwidths(poses, sizes, crossed))
+
+    def _write(self, poses: Array, x: Array, asked: Flags, rooms: Array, sizes: Array) -> None:
+        gains = self._units[poses] * np.exp(x)
+        _write_seen(self._loops, poses, gains, asked, self._limit, self._room, rooms, sizes)
+
+    def _log_bandwidths(self, poses: Array, sizes: Array, crossed: Array) -> Array:
+        """Logarithms of bandwidths (m, nq) of loops that cross −3 dB at given frequencies."""
+        logs = np.empty(crossed.shape)
+        _write_logs(self._omega, poses, sizes, crossed, logs)
+        return logs
 
 
 def neighbours(q: Array) -> Array:
@@ -144,251 +202,69 @@ def neighbours(q: Array) -> Array:
     return np.ascontiguousarray(near[:, 1:])
 
 
+def _trusted(trust: Array, length: Array, kept: Array) -> Array:
+    """Longest steps (m,), after steps of a length that kept a share of what they promised."""
+    longer = np.where(kept > GOOD, np.minimum(2 * trust, LONGEST), trust)
+    return np.asarray(np.where(kept < POOR, SHORTER * length, longer))
+
+
+def _steps(slope: Array, curvature: Array, trust: Array) -> Array:
+    """The best steps of models (m, n), no longer than trusted (m,)."""
+    bent, axes = np.linalg.eigh(curvature)
+    along = np.einsum("mji,mj->mi", axes, slope)
+    ridge = np.zeros(len(slope))
+    least = 1e-3 * np.linalg.norm(slope, axis=1) / trust
+    while True:
+        step = along / (bent + ridge[:, None])
+        long = np.linalg.norm(step, axis=1) > trust
+        if not long.any():
+            return np.asarray(np.einsum("mji,mi->mj", axes, step))
+        ridge[long] = np.maximum(RIDGE * ridge[long], least[long])
+
+
 @borrowing
-def _improve(
-    search: _Search, rows: Array, starts: Array, near: Array, x: Array, scores: Array
+def _write_seen(
+    loops: LoopArguments,
+    poses: Array,
+    gains: Array,
+    asked: Flags,
+    limit: float,
+    room: LoopRoom,
+    rooms: Array,
+    sizes: Array,
 ) -> None:
-    count = near.shape[1]
-    for pose in rows:
-        best = -np.inf
-        for k in range(count + starts.shape[1]):
-            if k >= count:
-                best = _start(search, pose, starts[pose, k - count], best)
-            elif scores[near[pose, k]] > -np.inf:
-                best = _start(search, pose, x[near[pose, k]], best)
-        if best > -np.inf:
-            score = _climb(search, pose)
-            if score > scores[pose]:
-                scores[pose] = score
-                _copy(search.top, x[pose])
+    """Write room (m, f) and |T| (m, f, nq) at the frequencies that are asked for.
 
-
-@borrowing
-def _start(search: _Search, pose: int, x: Array, best: float) -> float:
-    """The score of the largest share of gains that keeps the margin, or the best if larger.
-
-    A larger score's gains are written into ``search.start``.
+    After the first at which the margin is missed no others are looked at.
     """
-    for share in SHARES:
-        for i in range(len(x)):
-            search.trial[i] = x[i] + math.log(share)
-        if _look(search, pose, search.trial, search.seen):
-            score = _score(search.seen, LAST)
-            if score > best:
-                _copy(search.trial, search.start)
-                return score
-            break
-    return best
+    nq = len(room.S)
+    for row in range(len(poses)):
+        pose = poses[row]
+        for i in range(gains.shape[1]):
+            if i < nq:
+                loops.gains[pose, i] = gains[row, i]
+            else:
+                loops.pressure_gains[pose, i - nq] = gains[row, i]
+        for f in range(rooms.shape[1]):
+            if asked[row, f]:
+                close_loops(loops, pose, f, room)
+                for i in range(nq):
+                    sizes[row, f, i] = abs(1 - room.S[i, i])
+                halve(room)
+                rooms[row, f] = log_room(room.S_c, limit, room.command)
+                rooms[row, f] += log_room(room.S, limit, room.position)
+                if rooms[row, f] == -math.inf:
+                    break
 
 
 @borrowing
-def _climb(search: _Search, pose: int) -> float:
-    """Score of the best gains on the path from the start, which are written into the top."""
-    seen, other, model, x = search.seen, search.other, search.model, search.start
-    best, tau, trust = -np.inf, FIRST, LONGEST
-    _look(search, pose, x, seen)
-    for _ in range(STEPS):
-        _write_slopes(search, pose, seen, other)
-        _write_model(model, seen, tau)
-        length = _write_step(model, trust)
-        for i in range(len(x)):
-            search.trial[i] = min(x[i] + model.step[i], MOST)
-        gained, promised = -np.inf, _promised(model)
-        if _look(search, pose, search.trial, other):
-            gained = _value(other, tau) - _value(seen, tau)
-        if gained > 0.0:
-            seen, other = other, seen
-            _copy(search.trial, x)
-            if _score(seen, LAST) > best:
-                best = _score(seen, LAST)
-                _copy(x, search.top)
-        if gained > GOOD * promised:
-            trust = min(2 * trust, LONGEST)
-        elif gained < POOR * promised:
-            trust = SHORTER * length
-        if trust < SHORTEST or (gained > 0.0 and promised < SETTLED and length < 0.9 * trust):
-            tau, trust = tau * FALL, max(trust, ANEW)
-            if tau < LAST:
-                break
-    return best
-
-
-@borrowing
-def _score(seen: _Seen, tau: float) -> float:
-    """F: logarithm of the narrowest bandwidth, softened by τ, and a share of the mean of all."""
-    least, total, softened = np.inf, 0.0, 0.0
-    for log in seen.logs:
-        least, total = min(least, log), total + log
-    for log in seen.logs:
-        softened += math.exp((least - log) / tau)
-    return least - tau * math.log(softened) + MEAN * total / len(seen.logs)
-
-
-@borrowing
-def _value(seen: _Seen, tau: float) -> float:
-    """Φ."""
-    value = _score(seen, tau) / tau
-    for room in seen.rooms:
-        value += room
-    return value
-
-
-@borrowing
-def _write_slopes(search: _Search, pose: int, seen: _Seen, other: _Seen) -> None:
-    """Write slopes at the start of what is seen there, of what counts, by first differences."""
-    x, trial, model, count = search.start, search.trial, search.model, len(seen.rooms)
-    most = -np.inf
-    for room in seen.rooms:
-        most = max(most, room)
-    _copy(x, trial)
-    for k in range(len(x)):
-        trial[k] = x[k] + DIFFERENCE
-        _set_gains(search, pose, trial)
-        trial[k] = x[k]
-        for f in range(count):
-            model.rooms[f, k] = 0.0
-            if seen.rooms[f] < most - FAR:
-                risen = max(_see(search, pose, f, other) - seen.rooms[f], -1.0)
-                model.rooms[f, k] = risen / DIFFERENCE
-        for i in range(len(seen.logs)):
-            model.logs[i, k] = 0.0
-            f = seen.crossed[i]
+def _write_logs(omega: Array, poses: Array, sizes: Array, crossed: Array, logs: Array) -> None:
+    """Write logarithms of bandwidths (m, nq) of loops that cross −3 dB at given frequencies."""
+    count = omega.shape[1]
+    for row in range(len(poses)):
+        for i in range(logs.shape[1]):
+            f, width = crossed[row, i], omega[poses[row], count - 1]
             if f < count:
-                _see(search, pose, f, other)
-                _see(search, pose, max(f - 1, 0), other)
-                risen = _log_crossing(search, pose, other, f, i) - seen.logs[i]
-                model.logs[i, k] = risen / DIFFERENCE
-
-
-@borrowing
-def _write_model(model: _Model, seen: _Seen, tau: float) -> None:
-    """Write the slope of Φ and its curvature, of which no second differences are known."""
-    count, (nq, n) = len(model.rooms), model.logs.shape
-    least, total, weights, mean = np.inf, 0.0, model.weights, model.mean
-    for log in seen.logs:
-        least = min(least, log)
-    for i in range(nq):
-        weights[i] = math.exp((least - seen.logs[i]) / tau)
-        total += weights[i]
-    for k in range(n):
-        mean[k], even = 0.0, 0.0
-        for i in range(nq):
-            mean[k] += weights[i] / total * model.logs[i, k]
-            even += MEAN / nq * model.logs[i, k]
-        model.slope[k] = (mean[k] + even) / tau
-        for f in range(count):
-            model.slope[k] += model.rooms[f, k]
-    for k in range(n):
-        for j in range(n):
-            bent = 0.0
-            for i in range(nq):
-                of_loop = (model.logs[i, k] - mean[k]) * (model.logs[i, j] - mean[j])
-                bent += weights[i] / total / tau**2 * of_loop
-            for f in range(count):
-                bent += model.rooms[f, k] * model.rooms[f, j]
-            model.curvature[k, j] = bent + (0.1 if j == k else 0.0)
-
-
-@borrowing
-def _write_step(model: _Model, trust: float) -> float:
-    """Write the best step of a model that is no longer than trusted; its length."""
-    n, length, ridge = len(model.step), np.inf, 0.0
-    for k in range(n):
-        ridge += model.slope[k] ** 2
-    ridge = RIDGE * math.sqrt(ridge) / trust
-    while length > trust:
-        _solve(model, ridge)
-        length = 0.0
-        for k in range(n):
-            length += model.step[k] ** 2
-        length = math.sqrt(length)
-        ridge *= 3
-    return length
-
-
-@borrowing
-def _promised(model: _Model) -> float:
-    """By how much a step raises Φ in the model."""
-    total = 0.0
-    for k in range(len(model.step)):
-        total += model.slope[k] * model.step[k]
-        for j in range(len(model.step)):
-            total -= 0.5 * model.step[k] * model.curvature[k, j] * model.step[j]
-    return total
-
-
-@borrowing
-def _solve(model: _Model, ridge: float) -> None:
-    """Write the step of a model whose curvature is raised by a ridge; by Cholesky."""
-    lower, step, n = model.lower, model.step, len(model.step)
-    for i in range(n):
-        step[i] = model.slope[i]
-        for j in range(i + 1):
-            lower[i, j] = model.curvature[i, j] + (ridge if i == j else 0.0)
-            for k in range(j):
-                lower[i, j] -= lower[i, k] * lower[j, k]
-            lower[i, j] = lower[i, j] / lower[j, j] if j < i else math.sqrt(lower[i, i])
-        for k in range(i):
-            step[i] -= lower[i, k] * step[k]
-        step[i] /= lower[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            step[i] -= lower[k, i] * step[k]
-        step[i] /= lower[i, i]
-
-
-@borrowing
-def _look(search: _Search, pose: int, x: Array, seen: _Seen) -> bool:
-    """Whether the margin holds with gains of logarithms x; if so ``seen`` is of them."""
-    _set_gains(search, pose, x)
-    count = len(seen.rooms)
-    for f in range(count):
-        seen.rooms[f] = _see(search, pose, f, seen)
-        if seen.rooms[f] == -np.inf:
-            return False
-    for i in range(len(seen.logs)):
-        f = 0
-        while f < count and seen.sizes[f, i] >= HALF:
-            f += 1
-        seen.crossed[i] = f
-        seen.logs[i] = math.log(search.omega[pose, count - 1])
-        if f < count:
-            seen.logs[i] = _log_crossing(search, pose, seen, f, i)
-    return True
-
-
-@borrowing
-def _see(search: _Search, pose: int, f: int, seen: _Seen) -> float:
-    """Logarithm of the room at a frequency, where |T| of each loop is written."""
-    room = search.room
-    close_loops(search.loops, pose, f, room)
-    for i in range(len(room.S)):
-        seen.sizes[f, i] = abs(1 - room.S[i, i])
-    halve(room)
-    command = log_room(room.S_c, search.limit, room.command)
-    return command + log_room(room.S, search.limit, room.position)
-
-
-@borrowing
-def _log_crossing(search: _Search, pose: int, seen: _Seen, f: int, i: int) -> float:
-    """Logarithm of the bandwidth of loop i, which crosses −3 dB below the frequency f."""
-    last = seen.sizes[f - 1, i] if f > 0 else 1.0
-    return math.log(crossing(search.omega[pose], f, last, seen.sizes[f, i], HALF))
-
-
-@borrowing
-def _copy(values: Array, into: Array) -> None:
-    """Write values (n,) into another array."""
-    for i in range(len(values)):
-        into[i] = values[i]
-
-
-@borrowing
-def _set_gains(search: _Search, pose: int, x: Array) -> None:
-    nq = search.loops.gains.shape[1]
-    for i in range(len(x)):
-        gain = search.units[pose, i] * math.exp(x[i])
-        if i < nq:
-            search.loops.gains[pose, i] = gain
-        else:
-            search.loops.pressure_gains[pose, i - nq] = gain
+                last = sizes[row, f - 1, i] if f > 0 else 1.0
+                width = crossing(omega[poses[row]], f, last, sizes[row, f, i])
+            logs[row, i] = math.log(width)
