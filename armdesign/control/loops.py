@@ -28,7 +28,7 @@ from armdesign.simulation.plant.compiled import borrowing
 
 HALF = math.sqrt(0.5)  # −3 dB
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
-COARSE, FINE = (8, 42, 7), (12, 70, 11)
+COARSE, FINE = (8, 42, 7), (12, 100, 11)
 ABOUT = 2.5  # half the width of the frequencies about a mode, in ζω
 DELAYED, EACH = 48, 0.5  # frequencies from 0 on behind a delay, and its turn between two [rad]
 

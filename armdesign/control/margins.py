@@ -158,7 +158,7 @@ def _squares(matrix: Array) -> float:
 
 @borrowing
 def _log_pivots(room: Room, limit: float) -> float:
-    """Logarithm of det(I − X/limit), X the Hermitian in a room; −∞ where I − X/limit is not positive."""
+    """Logarithm of det(I − X/limit), X Hermitian in a room; −∞ where that is not positive."""
     square, lower, product = room.square, room.lower, 1.0
     for i in range(len(square)):
         for j in range(i + 1):
