@@ -23,12 +23,12 @@ import numpy as np
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.margins import exceeds, invert, largest_norm
-from armdesign.simulation.plant.compiled import borrowing, compiled
+from armdesign.control.margins import Room, exceeds, invert, largest_norm
+from armdesign.simulation.plant.compiled import borrowing
 
 HALF = math.sqrt(0.5)  # −3 dB
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
-COARSE, FINE = (8, 42, 7), (12, 70, 11)
+COARSE, FINE = (8, 42, 7), (12, 100, 11)
 ABOUT = 2.5  # half the width of the frequencies about a mode, in ζω
 DELAYED, EACH = 48, 0.5  # frequencies from 0 on behind a delay, and its turn between two [rad]
 
@@ -113,7 +113,8 @@ class Loops(ReadOnly):
             rows: indices of the poses (m,).
         """
         keeps = np.empty(len(rows), dtype=bool)
-        _write_holds(self.arguments(controller), 1 / margin, rows, self._worst, keeps)
+        loops, room = self.arguments(controller), LoopRoom.of(self)
+        _write_holds(loops, 1 / margin, rows, self._worst, room, keeps)
         return keeps
 
     @cached_property
@@ -126,7 +127,17 @@ class Loops(ReadOnly):
         n, nq = len(self.omega), self.positions.shape[2]
         shapes = n, n, (n, nq), (n, nq), (n, nq), n
         figures = LoopFigures._make(np.zeros(shape) for shape in shapes)
-        _write_figures(self.arguments(controller), self.omega, figures)
+        nc, count = self.positions.shape[3], len(self.omega.T)
+        S_c, S = (np.empty((count, m, m), complex) for m in (nc, nq))
+        _write_figures(
+            self.arguments(controller),
+            self.omega,
+            LoopRoom.of(self),
+            S_c,
+            S,
+            np.empty((2, nq)),
+            figures,
+        )
         closed = controller.position.all(axis=1)
         return LoopFigures(*((values.T * closed).T for values in figures))
 
@@ -179,14 +190,28 @@ class LoopArguments(NamedTuple):
     filters: Array  # H (n, f)
 
 
-@borrowing
-def close_loops(
-    loops: LoopArguments, pose: int, f: int, opened: Array, S_c: Array, closed: Array, S: Array
-) -> None:
-    """Write (I + L_c)⁻¹, P (I + L_c)⁻¹ R and (I + L_p)⁻¹ of a pose at its frequency f.
+class LoopRoom(NamedTuple):
+    """What is computed of closed loops at one frequency, which compiled code may not make anew."""
 
-    ``opened`` is room.
-    """
+    opened: Array  # I + L_c, which is spoilt (nc, nc)
+    S_c: Array  # (I + L_c)⁻¹ (nc, nc)
+    closed: Array  # P (I + L_c)⁻¹ R (nq, nq)
+    S: Array  # (I + L_p)⁻¹ (nq, nq)
+    command: Room  # for S_c
+    position: Room  # for S
+
+    @classmethod
+    def of(cls, loops: Loops) -> LoopRoom:
+        """For some loops."""
+        nq, nc = loops.positions.shape[2:]
+        opened, S_c, closed, S = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
+        return cls(opened, S_c, closed, S, Room.of(nc), Room.of(nq))
+
+
+@borrowing
+def close_loops(loops: LoopArguments, pose: int, f: int, room: LoopRoom) -> None:
+    """Close the loops of a pose at its frequency f."""
+    opened, S_c, closed, S = room.opened, room.S_c, room.closed, room.S
     nq, nc = loops.positions.shape[2], loops.positions.shape[3]
     P, Y, R = loops.positions[pose, f], loops.pressures[pose, f], loops.arms[pose]
     H, c, K = loops.filters[pose, f], loops.pressure_gains[pose], loops.gains[pose]
@@ -208,77 +233,97 @@ def close_loops(
             S[i, j] = (1.0 if i == j else 0.0) - closed[i, j] * K[j]
 
 
-@compiled
-def crossing(omega: Array, f: int, last: float, size: float, level: float) -> float:
-    """Frequency at which a response falls to a level [rad/s], of frequencies omega (f,).
+@borrowing
+def crossing(omega: Array, f: int, last: float, size: float) -> float:
+    """Frequency at which a response falls to −3 dB [rad/s], of frequencies omega (f,).
 
-    Its size is below the level at the frequency f for the first time, ``last`` at the one before.
+    Its size is below it at the frequency f for the first time, ``last`` at the one before.
     Below all frequencies, which begin far below the modes, it is a lag of first order.
     """
     if f == 0:
-        return float(omega[0] * size / math.sqrt(1 - size**2) * math.sqrt(level**-2 - 1))
-    share = math.log(last / level) / math.log(last / size)
+        return float(omega[0] * size / math.sqrt(1 - size**2))
+    share = math.log(last / HALF) / math.log(last / size)
     return float(omega[f - 1] * (omega[f] / omega[f - 1]) ** share)
 
 
-@compiled
+@borrowing
+def halve(room: LoopRoom) -> None:
+    """Make ½(S − T) = S − ½ of S at both openings."""
+    for i in range(len(room.S_c)):
+        room.S_c[i, i] -= 0.5
+    for i in range(len(room.S)):
+        room.S[i, i] -= 0.5
+
+
+@borrowing
 def _write_holds(
-    loops: LoopArguments, limit: float, rows: Array, worst: Array, keeps: Flags
+    loops: LoopArguments, limit: float, rows: Array, worst: Array, room: LoopRoom, keeps: Flags
 ) -> None:
-    nq, nc = loops.positions.shape[2], loops.positions.shape[3]
-    opened, S_c = np.empty((nc, nc), np.complex128), np.empty((nc, nc), np.complex128)
-    closed, S = np.empty((nq, nq), np.complex128), np.empty((nq, nq), np.complex128)
     for row in range(len(rows)):
         keeps[row] = True
         first = worst[rows[row]]
         for turn in range(loops.positions.shape[1]):
             f = first if turn == 0 else turn - 1 if turn <= first else turn
-            close_loops(loops, rows[row], f, opened, S_c, closed, S)
-            for i in range(nc):
-                S_c[i, i] -= 0.5
-            for i in range(nq):
-                S[i, i] -= 0.5
-            if exceeds(S_c, limit, opened) or exceeds(S, limit, closed):
+            close_loops(loops, rows[row], f, room)
+            halve(room)
+            command = exceeds(room.S_c, limit, room.command)
+            if command or exceeds(room.S, limit, room.position):
                 keeps[row], worst[rows[row]] = False, f
                 break
 
 
-@compiled
-def _write_figures(loops: LoopArguments, omega: Array, figures: LoopFigures) -> None:
-    count, nq, nc = loops.positions.shape[1:]
-    opened, closed = np.empty((nc, nc), np.complex128), np.empty((nq, nq), np.complex128)
-    S_c, S = np.empty((count, nc, nc), np.complex128), np.empty((count, nq, nq), np.complex128)
+@borrowing
+def _write_figures(
+    loops: LoopArguments,
+    omega: Array,
+    room: LoopRoom,
+    S_c: Array,
+    S: Array,
+    last: Array,
+    figures: LoopFigures,
+) -> None:
+    count, nq = S.shape[:2]
     for pose in range(len(omega)):
-        last, last_command = np.ones(nq), np.ones(nq)
         for i in range(nq):
+            last[0, i] = last[1, i] = 1.0
             figures.bandwidth[pose, i] = figures.command_bandwidth[pose, i] = 0.0
             figures.loop_margins[pose, i] = np.inf
         for f in range(count):
-            close_loops(loops, pose, f, opened, S_c[f], closed, S[f])
+            close_loops(loops, pose, f, room)
             for i in range(nq):
-                track = closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
-                _cross(omega[pose], f, abs(1 - S[f, i, i]), last, figures.bandwidth[pose], i)
+                track = room.closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
+                followed = abs(1 - room.S[i, i])
+                _cross(omega[pose], f, followed, last[0], figures.bandwidth[pose], i)
                 widths = figures.command_bandwidth[pose]
-                _cross(omega[pose], f, abs(track), last_command, widths, i)
-                both = abs(S[f, i, i] - 0.5)
+                _cross(omega[pose], f, abs(track), last[1], widths, i)
+                both = abs(room.S[i, i] - 0.5)
                 figures.loop_margins[pose, i] = min(figures.loop_margins[pose, i], 1 / both)
-        figures.peak[pose] = largest_norm(S)
+            _keep(room.S, S, f)
+            halve(room)
+            _keep(room.S_c, S_c, f)
+        figures.peak[pose] = largest_norm(S, room.position)
+        figures.command_margin[pose] = 1 / largest_norm(S_c, room.command)
         for f in range(count):
             for i in range(nq):
                 S[f, i, i] -= 0.5
-            for i in range(nc):
-                S_c[f, i, i] -= 0.5
-        figures.command_margin[pose] = 1 / largest_norm(S_c)
-        figures.position_margin[pose] = 1 / largest_norm(S)
+        figures.position_margin[pose] = 1 / largest_norm(S, room.position)
         for i in range(nq):
             for widths in (figures.bandwidth[pose], figures.command_bandwidth[pose]):
                 if widths[i] == 0.0:
                     widths[i] = omega[pose, count - 1]
 
 
-@compiled
+@borrowing
+def _keep(matrix: Array, matrices: Array, f: int) -> None:
+    """Write a matrix (m, m) among those of all frequencies (f, m, m)."""
+    for i in range(len(matrix)):
+        for j in range(len(matrix)):
+            matrices[f, i, j] = matrix[i, j]
+
+
+@borrowing
 def _cross(omega: Array, f: int, size: float, last: Array, widths: Array, i: int) -> None:
     """Write where the response of loop i, of this size at frequency f, falls below −3 dB first."""
     if widths[i] == 0.0 and size < HALF:
-        widths[i] = crossing(omega, f, last[i], size, HALF)
+        widths[i] = crossing(omega, f, last[i], size)
     last[i] = size

@@ -14,15 +14,17 @@ side.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.simulation.plant.compiled import borrowing
 from armdesign.units import deg
 
 SWEEPS = 4  # of the balancing
+TOLERANCE = 1e-13  # of a squared norm
 GAIN_MARGIN_DB, PHASE_MARGIN = 6.0, 45 * deg  # customary
 
 
@@ -62,99 +64,124 @@ def phase_margin(margin: Array | float) -> Array:
     return np.asarray(2 * np.arctan(np.asarray(margin) / 2))
 
 
-@compiled
-def balanced_norm(matrix: Array, floor: float) -> float:
+class Room(NamedTuple):
+    """Room for the computations of one matrix (m, m), which compiled code may not make anew."""
+
+    square: Array  # Y Yᴴ of the balanced matrix (m, m)
+    lower: Array  # its Cholesky factor (m, m)
+    squares: Array  # |X|² of all elements, squares of D, and one over them (m + 2, m)
+
+    @classmethod
+    def of(cls, m: int) -> Room:
+        """For matrices (m, m)."""
+        return cls(np.empty((m, m), complex), np.empty((m, m), complex), np.empty((m + 2, m)))
+
+
+@borrowing
+def balanced_norm(matrix: Array, floor: float, room: Room) -> float:
     """μ(X) of one matrix, or ``floor`` where that is larger."""
-    square = np.empty((len(matrix), len(matrix)), np.complex128)
-    if not exceeds(matrix, floor, square):
+    if not exceeds(matrix, floor, room):
         return floor
-    return max(math.sqrt(np.linalg.eigvalsh(square)[-1]), floor)
+    low, high = floor * floor, 0.0  # of the squared norm, the largest eigenvalue of Y Yᴴ
+    for i in range(len(matrix)):
+        high += room.square[i, i].real
+    while high - low > TOLERANCE * high:
+        middle = 0.5 * (low + high)
+        if _log_pivots(room, middle) == -math.inf:
+            low = middle
+        else:
+            high = middle
+    return math.sqrt(high)
 
 
-@compiled
-def largest_norm(matrices: Array) -> float:
+@borrowing
+def largest_norm(matrices: Array, room: Room) -> float:
     """The largest μ(X) of matrices (f, m, m)."""
     worst, most = 0, 0.0
     for f in range(len(matrices)):
-        squares = 0.0
-        for value in matrices[f].ravel():
-            squares += value.real**2 + value.imag**2
+        squares = _squares(matrices[f])
         if squares > most:
             worst, most = f, squares
-    norm = balanced_norm(matrices[worst], 0.0)  # hardly any other exceeds it
+    norm = balanced_norm(matrices[worst], 0.0, room)  # hardly any other exceeds it
     for f in range(len(matrices)):
-        norm = balanced_norm(matrices[f], norm)
+        norm = balanced_norm(matrices[f], norm, room)
     return norm
 
 
-@compiled
-def exceeds(matrix: Array, limit: float, square: Array) -> bool:
-    """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in ``square``."""
-    m, total = len(matrix), 0.0
-    for i in range(m):
-        for j in range(m):
-            total += matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
-    if total <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
+@borrowing
+def exceeds(matrix: Array, limit: float, room: Room) -> bool:
+    """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in the room."""
+    if _squares(matrix) <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
         return False
-    squares, scale, sums = np.empty((m, m)), np.ones(m), np.zeros((2, m))
+    return log_room(matrix, limit, room) == -math.inf
+
+
+@borrowing
+def log_room(matrix: Array, limit: float, room: Room) -> float:
+    """How far μ(X) is below a limit: log det(I − Y Yᴴ/limit²) of the balanced Y; −∞ if above.
+
+    Y Yᴴ is in the room then.
+    """
+    m, squares = len(matrix), room.squares
+    scale, over = squares[m], squares[m + 1]
     for i in range(m):
+        scale[i] = over[i] = 1.0
         for j in range(m):
             squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
-            magnitude = math.sqrt(squares[i, j])
-            sums[0, i] += magnitude
-            sums[1, j] += magnitude
-    if sums[0].max() * sums[1].max() <= limit * limit:  # σ_max² ≤ ‖X‖_∞ ‖X‖_1
-        return False
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
             row, column = 1e-300, 1e-300
             for j in range(m):
                 if j != i:
-                    row += squares[i, j] / scale[j]
+                    row += squares[i, j] * over[j]
                     column += squares[j, i] * scale[j]
-            scale[i] = math.sqrt(column / row)  # scale: squares of D, where row × d = column / d
-    total = 0.0
-    for i in range(m):
-        for j in range(m):
-            total += squares[i, j] * scale[i] / scale[j]
-    if total <= limit * limit:
-        return False
+            scale[i] = math.sqrt(column / row)  # so that row × d = column / d
+            over[i] = 1 / scale[i]
     for i in range(m):
         for j in range(i + 1):
             product = 0j
             for k in range(m):
-                product += matrix[i, k] * matrix[j, k].conjugate() / scale[k]
-            square[i, j] = product * math.sqrt(scale[i] * scale[j])
-            square[j, i] = square[i, j].conjugate()
-    return not _below(square, limit * limit)
+                product += matrix[i, k] * matrix[j, k].conjugate() * over[k]
+            room.square[i, j] = product * math.sqrt(scale[i] * scale[j])
+    return _log_pivots(room, limit * limit)
 
 
-@compiled
-def _below(square: Array, limit: float) -> bool:
-    """Whether all eigenvalues of a Hermitian matrix lie below a limit: by Cholesky's pivots."""
-    m = len(square)
-    lower = np.empty((m, m), np.complex128)  # of limit · I − square
-    for i in range(m):
+@borrowing
+def _squares(matrix: Array) -> float:
+    """The squared Frobenius norm."""
+    total = 0.0
+    for i in range(len(matrix)):
+        for j in range(len(matrix)):
+            total += matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
+    return total
+
+
+@borrowing
+def _log_pivots(room: Room, limit: float) -> float:
+    """Logarithm of det(I − X/limit), X Hermitian in a room; −∞ where that is not positive."""
+    square, lower, product = room.square, room.lower, 1.0
+    for i in range(len(square)):
         for j in range(i + 1):
             pivot = (limit if i == j else 0.0) - square[i, j]
             for k in range(j):
                 pivot -= lower[i, k] * lower[j, k].conjugate()
             if i > j:
-                lower[i, j] = pivot / lower[j, j].real
+                lower[i, j] = pivot * lower[j, j].real  # where one over the diagonal is kept
             elif pivot.real <= 0.0:
-                return False
+                return -math.inf
             else:
-                lower[i, i] = math.sqrt(pivot.real)
-    return True
+                lower[i, i] = 1 / math.sqrt(pivot.real)
+                product *= pivot.real / limit
+    return math.log(product)
 
 
-@compiled
+@borrowing
 def size(number: complex) -> float:
     """|Re| + |Im|, which is fast."""
     return abs(number.real) + abs(number.imag)
 
 
-@compiled
+@borrowing
 def invert(matrix: Array, inverse: Array) -> None:
     """Write the inverse of a small complex matrix (m, m), which is spoilt; by Gauss and Jordan."""
     m = len(matrix)

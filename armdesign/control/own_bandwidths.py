@@ -19,9 +19,9 @@ from armdesign.control.own_gains import OwnGains, neighbours
 from armdesign.control.position_gains import individual
 from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
-PASSES, FEW = 3, 20  # over all poses, forwards and backwards in turn; changes at each
-STARTS, MANY = 16, 400  # searches of the lowest rows, and changes in each
-TOGETHER = 16  # rows
+PASSES = 2  # over all poses, from what those next to each have found
+STARTS, TOGETHER = 4, 4  # searches of the lowest rows, and how many rows at once
+AROUND = 0.3  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
 
 
@@ -44,10 +44,10 @@ class Schemes:
         common = damped(task).or_wider(simple)
         start = _logarithms(task, common)
         found, near = OwnGains(task), neighbours(task.plant.q)
-        for number in range(PASSES):
-            rows = np.arange(len(start))
-            rows = rows[::-1].copy() if number % 2 else rows
-            found.improve(rows, start[:, None], near, _noise(number, FEW, start.shape[1]))
+        found.improve(start[:, None])
+        for _ in range(PASSES):
+            known = np.where(np.isfinite(found.scores)[:, None], found.x, np.nan)
+            found.improve(known[near])
         own = safe(task, found.controller(task)).or_wider(common).or_wider(alone)
         return cls(simple, alone, common, own, start, _logarithms(task, own))
 
@@ -68,9 +68,9 @@ def _raise_lowest(
     start, x = (np.concatenate([getattr(each, name) for each in found]) for name in ("start", "x"))
     near = neighbours(np.concatenate([part.poses.q[part.works] for part in parts]))
     ends = np.cumsum([0, *(len(part.works) for part in parts)])
-    searched, number = np.zeros(len(width), dtype=int), PASSES
+    searched, random = np.zeros(len(width), dtype=int), np.random.default_rng(0)
     while len(rows := _next(width, searched)):
-        noise = _noise(number, MANY, x.shape[1])
+        spread = AROUND * random.standard_normal(x.shape)
         for part, each, first in zip(parts, found, ends, strict=False):
             some = rows[(rows >= first) & (rows < first + len(part.works))]
             if len(some):
@@ -78,19 +78,18 @@ def _raise_lowest(
                 around = np.concatenate([x[some, None], x[near[some]]], axis=1)
                 fresh = (searched[some] % 2 == 0)[:, None, None]
                 starts = np.where(fresh, start[some, None], around)
-                again, logs = _again(part.task(options, some - first), starts, noise)
+                again, logs = _again(part.task(options, some - first), starts + spread[some, None])
                 better = again.figures.narrowest > width[some]
                 width[some[better]] = again.figures.narrowest[better]
                 x[some[better]] = logs[better]
                 each.own = each.own.replaced(some[better] - first, again[better])
         searched[rows] += 1
-        number += 1
 
 
-def _again(task: Task, starts: Array, noise: Array) -> tuple[Tuned, Array]:
+def _again(task: Task, starts: Array) -> tuple[Tuned, Array]:
     """Controllers (n) of one more search at each pose, and logarithms of their gains."""
-    found, n = OwnGains(task), len(starts)
-    found.improve(np.arange(n), starts, np.zeros((n, 0), dtype=int), noise)
+    found = OwnGains(task)
+    found.improve(starts)
     tuned = safe(task, found.controller(task))
     return tuned, _logarithms(task, tuned)
 
@@ -106,7 +105,3 @@ def _next(width: Array, searched: Array) -> Array:
 def _logarithms(task: Task, tuned: Tuned) -> Array:
     gains = np.concatenate(task.without_units(tuned.controller), axis=1)
     return np.log(np.maximum(gains, FAINT))
-
-
-def _noise(seed: int, tries: int, gains: int) -> Array:
-    return np.random.default_rng(seed).standard_normal((tries, gains))

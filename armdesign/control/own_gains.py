@@ -1,67 +1,82 @@
-"""Gains of their own with pressure feedback, searched by a compiled evolution strategy.
+"""Gains of their own with pressure feedback, searched by an interior-point method.
 
-The search of a pose begins at the best of some starts and of what its neighbours have found, and
-goes on by a (1+1)-CMA-ES (Igel, Suttorp, Hansen 2006): one random change of the logarithms of all
-gains at a time, kept where the margin holds and the loops are faster, whose size and directions
-follow those that were kept. A search finds no gains that are proven to be the largest: what it
-finds is a lower bound. It draws the same random numbers at every pose and every call.
+The search of a pose begins at common gains, or at what its neighbours have found, and climbs by
+Newton steps, of the logarithms x of all gains, on
 
-The bandwidth of a loop leaps where a dip of |T| reaches −3 dB. So that the search sees a dip come,
-the narrowest bandwidth at a lower level counts a little too.
+    Φ(x) = F(x)/τ + Σ_ω log det(I − Y Yᴴ/limit²) + the same at the position errors,
+
+where F is how fast the loops are and the rest, ``room``, goes to −∞ where the margin is lost (a
+barrier; Y the balanced ½(S − T), see ``margins``). As τ falls, x follows a path between all limits
+to where the loops are fastest (Boyd, Vandenberghe 2004, chapter 11), up to gains that none near
+them exceed. Others far away may be better: what is found is a lower bound. All poses climb
+at once.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.arrays import Array
-from armdesign.control.loops import HALF, LoopArguments, close_loops, crossing
-from armdesign.control.margins import exceeds
-from armdesign.simulation.plant.compiled import compiled
+from armdesign.arrays import Array, Flags
+from armdesign.control.loops import HALF, LoopArguments, LoopRoom, close_loops, crossing, halve
+from armdesign.control.margins import log_room
+from armdesign.simulation.plant.compiled import borrowing
 
 if TYPE_CHECKING:
     from armdesign.control.controller import Controller
     from armdesign.control.tuning import Task
 
-LEVELS = (HALF, 0.6)  # of |T| at which bandwidths count: −3 dB, and below it
-LOWER = 0.3  # weight of the bandwidth at the lower level
 MEAN = 0.1  # weight of the mean of all loops' bandwidths beside the narrowest
 SPARE = 1.015  # of the margin, for what lies between the frequencies of a grid
-SHARES = (1.0, 0.8, 0.6, 0.4)  # of a start's position gains, of which the first may hold
-STEP, LEAST_STEP = 0.25, 1e-3  # at the start of a search and at its end, of logarithms
+SHARES = (0.98, 0.9, 0.7, 0.5, 0.3)  # of a start's gains, of which the first may hold
 MOST = math.log(3.0)  # κ and η: beyond, a loop may be unstable above all frequencies of a grid
-REMEMBERED = 6  # frequencies that missed the margin last: looked at first
 NEIGHBOURS = 4
-GOAL, SMOOTH = 2 / 11, 1 / 12  # share of successes that keeps the step; of the newest in the mean
-OFTEN = 0.44  # share of successes from which a step is taken to be too small, not badly turned
+FIRST, LAST, FALL = 0.02, 1e-3, 0.4  # τ of the path, of log bandwidths, and its falls
+STEPS = 40  # of a path
+LONGEST, SHORTEST, ANEW = 0.5, 2e-3, 0.1  # steps of logarithms that are trusted
+GOOD, POOR, SHORTER = 0.6, 0.3, 1 / 3  # shares of a promised gain, and how much less is trusted
+SETTLED, TRUSTED = 1.0, 0.9  # gain of Φ and share of the longest step below which τ falls
+RIDGE, LEAST = 3.0, 0.1  # factor on what bends Φ more where steps are too long, and its least
+DIFFERENCE = 1e-5  # of a logarithm, for slopes
+FAR = 2.0  # by which logarithms of room are less at frequencies that count in slopes
 
 
-class _Search(NamedTuple):
-    """Loops whose gains are searched, and room for one frequency of them."""
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What is seen of the loops of m poses at some gains."""
 
-    loops: LoopArguments
-    omega: Array  # (n, f)
-    units: Array  # gains of κ = 1 and η = 1 (n, nq + nc)
-    limit: float  # of μ(½(S − T))
-    last_missed: Array  # places of frequencies (REMEMBERED,)
-    opened: Array
-    S_c: Array
-    closed: Array
-    S: Array
+    rooms: Array  # logarithms of the room at each frequency, of both openings (m, f)
+    sizes: Array  # |T| of each loop (m, f, nq)
+    crossed: Array  # first frequency at which it is below −3 dB (m, nq); f: at none
+    logs: Array  # of bandwidths (m, nq)
 
-    @classmethod
-    def of(cls, task: Task) -> _Search:
-        args = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
-        gains, pressure = args.gains.copy(), args.pressure_gains.copy()
-        nq, nc = gains.shape[1], pressure.shape[1]
-        room = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
-        limit, last_missed = 1 / (SPARE * task.aim.margin), np.zeros(REMEMBERED, dtype=int)
-        args = args._replace(gains=gains, pressure_gains=pressure)
-        both = np.concatenate([gains, pressure], axis=1)
-        return cls(args, task.loops.omega, both, limit, last_missed, *room)
+    @property
+    def holds(self) -> Flags:
+        """Where the margin holds (m,)."""
+        return np.asarray(self.rooms.min(axis=1) > -np.inf)
+
+    def score(self, tau: Array | float) -> Array:
+        """F: the narrowest log bandwidth, softened by τ, and a share of the mean of all (m,)."""
+        least = self.logs.min(axis=1)
+        with np.errstate(under="ignore"):
+            wider = np.exp((least[:, None] - self.logs) / np.reshape(tau, (-1, 1)))
+        return np.asarray(least - tau * np.log(wider.sum(axis=1)) + MEAN * self.logs.mean(axis=1))
+
+    def value(self, tau: Array) -> Array:
+        """Φ (m,)."""
+        return np.asarray(self.score(tau) / tau + self.rooms.sum(axis=1))
+
+    def __getitem__(self, rows: Array) -> _Seen:
+        return _Seen(*(of[rows] for of in (self.rooms, self.sizes, self.crossed, self.logs)))
+
+    def where(self, flags: Flags, other: _Seen) -> _Seen:
+        """This at flagged poses (m,), the other at the rest."""
+        names = ("rooms", "sizes", "crossed", "logs")
+        pairs = ((getattr(self, name), getattr(other, name)) for name in names)
+        return _Seen(*(np.where(flags, mine.T, theirs.T).T for mine, theirs in pairs))
 
 
 class OwnGains:
@@ -73,26 +88,106 @@ class OwnGains:
     """
 
     def __init__(self, task: Task) -> None:
-        self._search = _Search.of(task)
-        n, gains = self._search.units.shape
-        self.x, self.scores = np.zeros((n, gains)), np.full(n, -np.inf)
+        args = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
+        self._units = np.concatenate([args.gains, args.pressure_gains], axis=1)
+        self._loops = args._replace(
+            gains=args.gains.copy(), pressure_gains=args.pressure_gains.copy()
+        )
+        self._omega, self._room = task.loops.omega, LoopRoom.of(task.loops)
+        self._limit = 1 / (SPARE * task.aim.margin)
+        self.x, self.scores = np.zeros(self._units.shape), np.full(len(self._units), -np.inf)
 
-    def improve(self, rows: Array, starts: Array, near: Array, noise: Array) -> None:
-        """Search at poses in turn, from the best of what is known there, next to it, or given.
-
-        Args:
-            rows: indices of the poses.
-            starts: logarithms of gains that each pose tries (n, m, nq + nc).
-            near: indices of the poses next to each (n, k).
-            noise: random changes (tries, nq + nc).
-        """
-        _improve(self._search, rows, starts, near, noise, self.x, self.scores)
+    def improve(self, starts: Array) -> None:
+        """Search at all poses, from the best of starts: logarithms of gains (n, m, nq + nc)."""
+        n = len(starts)
+        start, best = np.zeros(self.x.shape), np.full(n, -np.inf)
+        for given in np.moveaxis(starts, 1, 0):
+            rows = np.flatnonzero(np.isfinite(given).all(axis=1))
+            for share in SHARES:
+                x = given[rows] + math.log(share)
+                seen = self._look(rows, x)
+                better = seen.holds & (seen.score(LAST) > best[rows])
+                start[rows[better]], best[rows[better]] = x[better], seen.score(LAST)[better]
+                rows = rows[~seen.holds]
+        rows = np.flatnonzero(np.isfinite(best))
+        x, scores = self._climb(rows, start[rows])
+        better = scores > self.scores[rows]
+        self.x[rows[better]], self.scores[rows[better]] = x[better], scores[better]
 
     def controller(self, task: Task) -> Controller:
         """The controllers found (n); gains 0 where none are."""
         gains = np.where(np.isfinite(self.scores)[:, None], np.exp(self.x), 0.0)
         nq = task.plant.joints
         return task.controller(gains[:, :nq], gains[:, nq:])
+
+    def _climb(self, poses: Array, x: Array) -> tuple[Array, Array]:
+        """The best gains on the paths from x (m, nq + nc), and their scores (m,)."""
+        m = len(poses)
+        top, best, x = x.copy(), np.full(m, -np.inf), x.copy()
+        tau, trust, rows = np.full(m, FIRST), np.full(m, LONGEST), np.arange(m)
+        seen, steps = self._look(poses, x), 0
+        while len(rows) and steps < STEPS:
+            slope, curvature = self._model(poses[rows], x[rows], seen, tau[rows])
+            step = _steps(slope, curvature, trust[rows])
+            tried = np.minimum(x[rows] + step, MOST)
+            other = self._look(poses[rows], tried)
+            gained = other.value(tau[rows]) - seen.value(tau[rows])
+            up = gained > 0
+            seen, x[rows[up]] = other.where(up, seen), tried[up]
+            score = seen.score(LAST)
+            higher = up & (score > best[rows])
+            best[rows[higher]], top[rows[higher]] = score[higher], tried[higher]
+            promised = ((slope - np.einsum("mij,mj->mi", curvature, step) / 2) * step).sum(axis=1)
+            length = np.linalg.norm(step, axis=1)
+            trust[rows] = _trusted(trust[rows], length, gained / promised)
+            settled = up & (promised < SETTLED) & (length < TRUSTED * trust[rows])
+            settled |= trust[rows] < SHORTEST
+            tau[rows[settled]] *= FALL
+            trust[rows[settled]] = np.maximum(trust[rows[settled]], ANEW)
+            on, steps = tau[rows] >= LAST, steps + 1
+            rows, seen = rows[on], seen[on]
+        return top, best
+
+    def _model(self, poses: Array, x: Array, seen: _Seen, tau: Array) -> tuple[Array, Array]:
+        """Slope of Φ at x (m, n), and how it bends down (m, n, n); from first differences."""
+        (m, n), (f, nq) = x.shape, seen.sizes.shape[1:]
+        asked = seen.rooms < seen.rooms.max(axis=1, keepdims=True) - FAR
+        crossed, each = np.minimum(seen.crossed, f - 1), np.arange(m)[:, None]
+        asked[each, crossed] = asked[each, np.maximum(crossed - 1, 0)] = True
+        more = np.repeat(x, n, axis=0) + DIFFERENCE * np.tile(np.eye(n), (m, 1))
+        again = np.repeat(np.arange(m), n)
+        rooms, sizes = seen.rooms[again], seen.sizes[again]
+        self._write(poses[again], more, asked[again], rooms, sizes)
+        logs = self._log_bandwidths(poses[again], sizes, seen.crossed[again])
+        by_rooms = (rooms - seen.rooms[again]).clip(-1.0).reshape(m, n, f) / DIFFERENCE
+        by_logs = (logs - seen.logs[again]).reshape(m, n, nq) / DIFFERENCE
+        with np.errstate(under="ignore"):
+            weights = np.exp((seen.logs.min(axis=1)[:, None] - seen.logs) / tau[:, None])
+        weights /= weights.sum(axis=1, keepdims=True)
+        mean = np.einsum("mi,mki->mk", weights, by_logs)
+        slope = (mean + MEAN * by_logs.mean(axis=2)) / tau[:, None] + by_rooms.sum(axis=2)
+        beside = (by_logs - mean[:, :, None]) * np.sqrt(weights)[:, None] / tau[:, None, None]
+        bent = by_rooms @ np.swapaxes(by_rooms, 1, 2) + beside @ np.swapaxes(beside, 1, 2)
+        return slope, bent + LEAST * np.eye(n)
+
+    def _look(self, poses: Array, x: Array) -> _Seen:
+        """What is seen of poses (m,) with gains of logarithms x (m, nq + nc)."""
+        m, (f, nq) = len(poses), self._loops.positions.shape[1:3]
+        rooms, sizes = np.zeros((m, f)), np.ones((m, f, nq))
+        self._write(poses, x, np.ones((m, f), dtype=bool), rooms, sizes)
+        below = sizes < HALF
+        crossed = np.where(below.any(axis=1), below.argmax(axis=1), f)
+        return _Seen(rooms, sizes, crossed, self._log_bandwidths(poses, sizes, crossed))
+
+    def _write(self, poses: Array, x: Array, asked: Flags, rooms: Array, sizes: Array) -> None:
+        gains = self._units[poses] * np.exp(x)
+        _write_seen(self._loops, poses, gains, asked, self._limit, self._room, rooms, sizes)
+
+    def _log_bandwidths(self, poses: Array, sizes: Array, crossed: Array) -> Array:
+        """Logarithms of bandwidths (m, nq) of loops that cross −3 dB at given frequencies."""
+        logs = np.empty(crossed.shape)
+        _write_logs(self._omega, poses, sizes, crossed, logs)
+        return logs
 
 
 def neighbours(q: Array) -> Array:
@@ -107,147 +202,69 @@ def neighbours(q: Array) -> Array:
     return np.ascontiguousarray(near[:, 1:])
 
 
-@compiled
-def _improve(
-    search: _Search, rows: Array, starts: Array, near: Array, noise: Array, x: Array, scores: Array
+def _trusted(trust: Array, length: Array, kept: Array) -> Array:
+    """Longest steps (m,), after steps of a length that kept a share of what they promised."""
+    longer = np.where(kept > GOOD, np.minimum(2 * trust, LONGEST), trust)
+    return np.asarray(np.where(kept < POOR, SHORTER * length, longer))
+
+
+def _steps(slope: Array, curvature: Array, trust: Array) -> Array:
+    """The best steps of models (m, n), no longer than trusted (m,)."""
+    bent, axes = np.linalg.eigh(curvature)
+    along = np.einsum("mji,mj->mi", axes, slope)
+    ridge = np.zeros(len(slope))
+    least = 1e-3 * np.linalg.norm(slope, axis=1) / trust
+    while True:
+        step = along / (bent + ridge[:, None])
+        long = np.linalg.norm(step, axis=1) > trust
+        if not long.any():
+            return np.asarray(np.einsum("mji,mi->mj", axes, step))
+        ridge[long] = np.maximum(RIDGE * ridge[long], least[long])
+
+
+@borrowing
+def _write_seen(
+    loops: LoopArguments,
+    poses: Array,
+    gains: Array,
+    asked: Flags,
+    limit: float,
+    room: LoopRoom,
+    rooms: Array,
+    sizes: Array,
 ) -> None:
-    nq = search.loops.gains.shape[1]
-    trial, best_start = np.empty(x.shape[1]), np.empty(x.shape[1])
-    for pose in rows:
-        search.last_missed[:] = 0
-        best = scores[pose]
-        _copy(x[pose], best_start)
-        count = near.shape[1]
-        for k in range(count + starts.shape[1]):
-            if k < count and scores[near[pose, k]] == -np.inf:
-                continue
-            start = x[near[pose, k]] if k < count else starts[pose, k - count]
-            for share in SHARES:
-                for i in range(len(start)):
-                    trial[i] = start[i] + (math.log(share) if i < nq else 0.0)
-                score = _score_if_better(search, pose, trial, best)
-                if score > best:
-                    best = score
-                    _copy(trial, best_start)
-                    break
-        if best > -np.inf:
-            scores[pose] = _evolve(search, pose, best_start, best, noise)
-            _copy(best_start, x[pose])
+    """Write room (m, f) and |T| (m, f, nq) at the frequencies that are asked for.
 
-
-@compiled
-def _evolve(search: _Search, pose: int, x: Array, best: float, noise: Array) -> float:
-    """Score of the best logarithms of gains near x, which takes their place; (1+1)-CMA-ES."""
-    n = len(x)
-    damping, path_rate, rate = 1 + n / 2, 2 / (n + 2), 2 / (n**2 + 6)
-    step, success, path, trial = STEP, GOAL, np.zeros(n), np.empty(n)
-    covariance: Array = np.eye(n)
-    turned: Array = np.eye(n)
-    for number in range(len(noise)):
-        change = turned @ noise[number]
-        for i in range(n):
-            trial[i] = x[i] + step * change[i]
-        score = _score_if_better(search, pose, trial, best)
-        success = (1 - SMOOTH) * success + (SMOOTH if score > best else 0.0)
-        step *= math.exp((success - GOAL) / (1 - GOAL) / damping)
-        if score > best:
-            best = score
-            _copy(trial, x)
-            seldom = success < OFTEN
-            for i in range(n):
-                path[i] *= 1 - path_rate
-                if seldom:
-                    path[i] += math.sqrt(path_rate * (2 - path_rate)) * change[i]
-            keep = 1 - rate + (0.0 if seldom else rate * path_rate * (2 - path_rate))
-            for i in range(n):
-                for j in range(n):
-                    covariance[i, j] = keep * covariance[i, j] + rate * (path[i] * path[j])
-            turned = np.linalg.cholesky(covariance)
-        if step < LEAST_STEP:
-            break
-    return best
-
-
-@compiled
-def _score_if_better(search: _Search, pose: int, x: Array, best: float) -> float:
-    """Score of gains of logarithms x, how wide the loops are, if above the best; else −∞.
-
-    −∞ too where the margin does not hold.
+    After the first at which the margin is missed no others are looked at.
     """
-    if x.max() > MOST:
-        return -np.inf
-    _set_gains(search, pose, x)
-    for turn in range(REMEMBERED):
-        if _misses(search, pose, search.last_missed[turn]):
-            _move_to_front(search.last_missed, turn)
-            return -np.inf
-    score, count = np.inf, search.omega.shape[1]
-    last, crossings = np.ones(len(search.S)), np.zeros((len(LEVELS), len(search.S)))
-    for f in range(count):
-        if _misses(search, pose, f):
-            search.last_missed[-1] = f
-            _move_to_front(search.last_missed, REMEMBERED - 1)
-            return -np.inf
-        if score == np.inf:
-            for i in range(len(search.S)):
-                size = abs(0.5 - search.S[i, i])
-                for level in range(len(LEVELS)):
-                    if crossings[level, i] == 0.0 and size < LEVELS[level]:
-                        omega, at = search.omega[pose], LEVELS[level]
-                        crossings[level, i] = crossing(omega, f, last[i], size, at)
-                last[i] = size
-            if f == count - 1 or crossings.min() > 0.0:  # the rest is but for the margin
-                score = _score(crossings, search.omega[pose, count - 1])
-                if score <= best:
-                    return -np.inf
-    return score
+    nq = len(room.S)
+    for row in range(len(poses)):
+        pose = poses[row]
+        for i in range(gains.shape[1]):
+            if i < nq:
+                loops.gains[pose, i] = gains[row, i]
+            else:
+                loops.pressure_gains[pose, i - nq] = gains[row, i]
+        for f in range(rooms.shape[1]):
+            if asked[row, f]:
+                close_loops(loops, pose, f, room)
+                for i in range(nq):
+                    sizes[row, f, i] = abs(1 - room.S[i, i])
+                halve(room)
+                rooms[row, f] = log_room(room.S_c, limit, room.command)
+                rooms[row, f] += log_room(room.S, limit, room.position)
+                if rooms[row, f] == -math.inf:
+                    break
 
 
-@compiled
-def _score(crossings: Array, highest: float) -> float:
-    """How wide loops are that cross levels at frequencies (levels, nq); 0: above the highest."""
-    count = crossings.shape[1]
-    narrowest, lower, total = np.inf, np.inf, 0.0
-    for i in range(count):
-        log = math.log(crossings[0, i] if crossings[0, i] > 0 else highest)
-        narrowest, total = min(narrowest, log), total + log
-        lower = min(lower, math.log(crossings[1, i] if crossings[1, i] > 0 else highest))
-    return narrowest + LOWER * lower + MEAN * total / count
-
-
-@compiled
-def _copy(values: Array, into: Array) -> None:
-    """Write values (n,) into another array: where a slice is set, numba compiles far more."""
-    for i in range(len(values)):
-        into[i] = values[i]
-
-
-@compiled
-def _set_gains(search: _Search, pose: int, x: Array) -> None:
-    nq = search.loops.gains.shape[1]
-    for i in range(len(x)):
-        gain = search.units[pose, i] * math.exp(x[i])
-        if i < nq:
-            search.loops.gains[pose, i] = gain
-        else:
-            search.loops.pressure_gains[pose, i - nq] = gain
-
-
-@compiled
-def _move_to_front(last_missed: Array, turn: int) -> None:
-    """Move a frequency to the front of those that missed last."""
-    for k in range(turn, 0, -1):
-        last_missed[k], last_missed[k - 1] = last_missed[k - 1], last_missed[k]
-
-
-@compiled
-def _misses(search: _Search, pose: int, f: int) -> bool:
-    """Whether the margin is missed at a frequency; S − ½ is in ``search.S`` where it holds."""
-    close_loops(search.loops, pose, f, search.opened, search.S_c, search.closed, search.S)
-    for i in range(len(search.S_c)):
-        search.S_c[i, i] -= 0.5
-    for i in range(len(search.S)):
-        search.S[i, i] -= 0.5
-    return exceeds(search.S_c, search.limit, search.opened) or exceeds(
-        search.S, search.limit, search.closed
-    )
+@borrowing
+def _write_logs(omega: Array, poses: Array, sizes: Array, crossed: Array, logs: Array) -> None:
+    """Write logarithms of bandwidths (m, nq) of loops that cross −3 dB at given frequencies."""
+    count = omega.shape[1]
+    for row in range(len(poses)):
+        for i in range(logs.shape[1]):
+            f, width = crossed[row, i], omega[poses[row], count - 1]
+            if f < count:
+                last = sizes[row, f - 1, i] if f > 0 else 1.0
+                width = crossing(omega[poses[row]], f, last, sizes[row, f, i])
+            logs[row, i] = math.log(width)

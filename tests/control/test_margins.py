@@ -14,11 +14,14 @@ from armdesign.arrays import Array
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loops import FINE, Loops
 from armdesign.control.margins import (
+    SWEEPS,
+    Room,
     balanced_norm,
     disk_margin_for,
     exceeds,
     gain_margin_db,
     largest_norm,
+    log_room,
     phase_margin,
 )
 from armdesign.control.stability import stability
@@ -37,7 +40,8 @@ def matrices(size: int, count: int = 50) -> Array:
 
 def structured_norm(matrices: Array) -> Array:
     """μ (n,) of complex matrices (n, m, m)."""
-    return np.array([balanced_norm(np.ascontiguousarray(matrix), 0.0) for matrix in matrices])
+    room = Room.of(matrices.shape[1])
+    return np.array([balanced_norm(np.ascontiguousarray(one), 0.0, room) for one in matrices])
 
 
 def test_the_largest_norm_is_that_of_each_matrix_alone() -> None:
@@ -46,7 +50,8 @@ def test_the_largest_norm_is_that_of_each_matrix_alone() -> None:
         some = matrices(size)
         near = np.eye(size) * (1 + 0.1j) + 0.05 * some
         for stack in (some, near, np.concatenate([near, 0.3 * some])):
-            assert largest_norm(stack) == pytest.approx(structured_norm(stack).max(), rel=1e-12)
+            largest = largest_norm(stack, Room.of(size))
+            assert largest == pytest.approx(structured_norm(stack).max(), rel=1e-12)
             sizes = np.linalg.svd(stack, compute_uv=False)[:, 0]
             assert structured_norm(stack).max() <= sizes.max() * (1 + 1e-12)
 
@@ -81,13 +86,31 @@ def test_one_loop_is_python_controls() -> None:
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 5])
 def test_a_norm_exceeds_what_is_below_it(size: int) -> None:
-    """Cholesky's pivots say the same as the largest eigenvalue; of a zero matrix nothing."""
-    room = np.empty((size, size), complex)
+    """A little less than the norm and no more; of a zero matrix nothing."""
+    room = Room.of(size)
     for matrix in matrices(size):
         norm = float(structured_norm(matrix[None])[0])
         assert exceeds(matrix, norm * (1 - 1e-9), room)
         assert not exceeds(matrix, norm * (1 + 1e-9), room)
         assert not exceeds(0 * matrix, 0.0, room)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5])
+def test_what_cholesky_says_of_a_matrix(size: int) -> None:
+    """The norm and the room below a limit, by the singular values of D X D⁻¹, Osborne's D."""
+    room = Room.of(size)
+    for matrix, norm in zip(matrices(size), structured_norm(matrices(size)), strict=True):
+        d = np.ones(size)
+        for _ in range(SWEEPS if size > 1 else 0):
+            for i in range(size):
+                others = np.arange(size) != i
+                row = np.linalg.norm(matrix[i, others] / d[others])
+                d[i] = np.sqrt(np.linalg.norm(matrix[others, i] * d[others]) / row)
+        values = np.linalg.svd(matrix * d[:, None] / d, compute_uv=False)
+        assert norm == pytest.approx(values[0], rel=1e-12)
+        above = np.log(1 - (values / (1.1 * norm)) ** 2).sum()
+        assert log_room(matrix, 1.1 * norm, room) == pytest.approx(above, rel=1e-9)
+        assert log_room(matrix, 0.9 * norm, room) == -math.inf
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])

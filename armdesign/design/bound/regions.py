@@ -29,7 +29,8 @@ REGIONS = 24  # looked at
 ROUNDS, ROUNDS_OF_PARTS, AIRY = 6, 3, 2
 CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
-COARSE, FINE = 0.01, 1e-3  # tolerance of branching, of ω²
+# tolerances of branching, of ω²: at first, and where a bound may then be low enough
+VAGUE, COARSE, FINE = 0.02, 0.01, 1e-3
 # of frequency, over the design at hand: where cutting ends; for each cylinder, where rounds end
 ENOUGH, PLENTY = 0.0275, 0.0033
 SLICE = 0.1  # of a region, the least that a cut leaves on either side
@@ -92,7 +93,8 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
     """The region with better multipliers, until they are close or its bound is low: plenty.
 
     Where it is ``enough`` they end too, if less than half of its gap can still be closed. Where
-    even mixtures exceed that, cutting does more than rounds and finer branching.
+    even mixtures exceed that, cutting does more than rounds and finer branching. Branching is
+    vague at first, and ends there where what designs reach rules out that the bound is lowered.
     """
     dual = region.dual
     for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else rounds):
@@ -104,7 +106,9 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
         known = plenty if mixed < plenty else region.bound
         left = max(0.2 * (known - mixed), 0.1 * (mixed - enough))  # to rounds, or to cuts
         tolerance = float(np.clip(left, FINE, COARSE))
-        maxima = tuple(dual.maxima(multipliers, tolerance))
+        maxima = tuple(dual.maxima(multipliers, VAGUE))
+        if dual.reaches(multipliers, maxima) < known:
+            maxima = tuple(dual.maxima(multipliers, tolerance))
         region = replace(region, multipliers=multipliers, maxima=maxima)
         region = region.improved(dual, multipliers, maxima)
         bound = region.bound

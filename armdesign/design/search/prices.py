@@ -20,7 +20,7 @@ from armdesign.design.search.trust_region import box_around
 from armdesign.errors import InfeasibleError
 
 RELAXED = 0.01  # share by which a requirement is relaxed to price it
-TRUST = 0.05  # with which that is solved again,
+TRUST, LOOKS = 0.05, 2  # with which that is solved again,
 # until a step promises less than this of ω², or than this share of what is expected
 FINE, ENOUGH = 1e-7, 0.01
 LEAST_PRICE = 1e-6  # gain in frequency below which a requirement has no price
@@ -34,13 +34,14 @@ class Price:
     gain: float  # of the whole 1 %
 
 
+@np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
 def prices(search: Search) -> dict[str, Price]:
     """Price of each requirement at an optimum.
 
     Requirements that one setting states are relaxed together, as a designer relaxes them, and
     share the gain by their multipliers.
     """
-    optimum = replace(search).run(TRUST, 10 * FINE, looks=2)
+    optimum = replace(search).run(TRUST, 10 * FINE, LOOKS)
     problem, margins = optimum.problem, marginal_prices(optimum)
     settings = {
         c.name: problem.requirements.stated_at(c.setting)
@@ -95,10 +96,17 @@ def _pin_boxes(problem: Problem) -> list[str]:
 
 
 def _gain(optimum: Search, names: Sequence[str], expected: float) -> float:
-    """Relative gain in frequency from an optimum with requirements relaxed by 1 %."""
+    """Relative gain in frequency from an optimum with requirements relaxed by 1 %.
+
+    What the optimum has seen of the workspace holds for it too: frequencies have not changed.
+    """
     low, high = optimum.bounds
     more = RELAXED * high * np.isin(_pin_boxes(optimum.problem), names)
     problem = optimum.problem.relaxed(dict.fromkeys(names, RELAXED))
     eased = optimum.of(problem, optimum.x, (low - more, high + more))
-    eased.run(TRUST, max(FINE, ENOUGH * expected), looks=2)
+    tolerance = max(FINE, ENOUGH * expected)
+    for _ in range(LOOKS):
+        hoped = eased.refine(TRUST, tolerance).merit
+        if eased.look(improved=True).merit > hoped - 10 * tolerance:
+            break
     return math.sqrt(max(eased.squared / optimum.squared, 1.0)) - 1
