@@ -42,6 +42,7 @@ from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
     allowed_columns,
+    allowed_first,
     column,
     columns_around,
     joined,
@@ -117,11 +118,12 @@ class LagrangianDual:
         squared = problem.dynamics.omega_squared(x, watched)
         designs = x, problem.vector.start
         known = [known_columns(d, k, problem, designs) for k, d in enumerate(some)]
-        columns = joined(*known)
         pool = [columns_around(d, k, known[k].place[0], random) for k, d in enumerate(some)]
         for k, drive in enumerate(some):
             drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
             pool.append(allowed_columns(drive, k, drive.boxes(drawn, random)))
+            known[k] = allowed_first(drive, known[k], joined(pool[k], pool[-1]))
+        columns = joined(*known)
         reference = max(float(squared.min()), problem.dynamics.omega_squared_scale)
         rows, all_rows = problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
         fixed = replace(rows, slope=rows.slope + motor_stiffness(problem, bool(bars)))
@@ -228,7 +230,7 @@ class LagrangianDual:
         )
         slopes[:count] = self._matrices(inverse, self.rows)
         whole[self.columns.drive, np.arange(count)] = 1.0
-        oil[:, :count] = -(self.columns.volume / today).T
+        oil[:, :count] = -(self.columns.oil / today).T
         value = np.concatenate([[budget, budget], np.ones(nd), -np.ones(nd)])
         high = (np.arange(COLUMNS) < count).astype(float)
         one = programme(len(self.rows), base.shape[1], len(value), COLUMNS)
@@ -322,7 +324,7 @@ class LagrangianDual:
         """Each column's part (c,) of the upper bound."""
         entries = self.diagonals(columns, multipliers.rows) * self.reference
         own = np.diagonal(multipliers.weight, axis1=1, axis2=2)[:, self._place[columns.drive]]
-        return np.asarray(np.einsum("cn,nc->c", entries, own) - columns.volume @ multipliers.oil)
+        return np.asarray(np.einsum("cn,nc->c", entries, own) - columns.oil @ multipliers.oil)
 
     def _take_rows(self, multipliers: Multipliers) -> float:
         """Replace rows of least weight by the mixture's lowest; returns its lowest ω²."""
