@@ -317,9 +317,7 @@ def _before_check(
     )
 
 
-def _assumptions(
-    problem: Problem, held: tuple[str, ...], drawn: bool = False
-) -> tuple[str, ...]:
+def _assumptions(problem: Problem, held: tuple[str, ...], drawn: bool = False) -> tuple[str, ...]:
     words = [
         "today's workspace and load cases",
         "pins in their boxes, and requirements as the optimiser takes them",

@@ -17,7 +17,8 @@ from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.problem import Problem
 from armdesign.machine.machine import Machine
 
-KEPT = 400  # allowed designs at most of those that are drawn
+SAMPLES = 4000  # designs drawn at first,
+KEPT = 400  # and allowed ones of these at most
 NEAR, SPREAD = 80, 0.03  # designs around a good one, within a share of the region
 LEAST = 1e-6  # [m] between strokes of a drawing
 COLUMNS = ("drive", "place", "volume", "oil")
@@ -227,14 +228,20 @@ def allowed_columns(drive: JointDrive, k: int, boxes: Array) -> Columns:
     return Columns(drive=np.full(len(place), k), place=place, volume=volume, oil=volume)
 
 
-def allowed_first(drive: JointDrive, known: Columns, others: Columns) -> Columns:
+def random_columns(drive: JointDrive, k: int, random: np.random.Generator) -> Columns:
+    """Columns drawn all over the region."""
+    drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
+    return allowed_columns(drive, k, drive.boxes(drawn, random))
+
+
+def allowed_first(drive: JointDrive, known: Columns, *others: Columns) -> Columns:
     """Known columns where they are allowed on the drawing's grid; else one of some others.
 
     One that is not allowed would stay the best of all, since no branching finds it.
     """
     if drive.limits.drawn is None or len(drive.limits.allowed(known.place, known.place).kept) > 0:
         return known
-    return others[:1] if len(others) > 0 else known
+    return next((some[:1] for some in others if len(some) > 0), known)
 
 
 def columns_around(

@@ -157,16 +157,17 @@ class CylinderConstraints:
             return scale
         closed = e.wide.closed.high * scale.high
         stroke = self.built(e.stroke.low * scale.low, e, scale)
-        room = self.drawn.closed(closed) - self.dead_length
+        room = self.drawn.closed(closed, self.drawn.stays(e.wide.b)) - self.dead_length
         fits = (stroke <= self.drawn.most) & (stroke <= room + self.drawn.allowance)
         return Interval(np.where(fits, scale.low, np.inf), scale.high)
 
     def built(self, stroke: Array, e: Enclosure, scale: Interval) -> Array:
         """Least strokes (m, …) on the drawing's grid, of no less than some over boxes (m,) [m]."""
         assert self.drawn is not None
-        ends = e.wide.closed.high * scale.high, e.wide.open.low * scale.low
-        closed, opened = (end.reshape(-1, *np.ones(stroke.ndim - 1, dtype=int)) for end in ends)
-        return self.drawn.built(stroke, closed, opened)
+        stays = self.drawn.stays(e.wide.b)
+        of_box = e.wide.closed.high * scale.high, e.wide.open.low * scale.low, stays
+        ones = np.ones(stroke.ndim - 1, dtype=int)
+        return self.drawn.built(stroke, *(part.reshape(-1, *ones) for part in of_box))
 
     def _of_pairs(
         self, kept: Array, e: Enclosure, scale: Interval, low: Array, high: Array
@@ -197,7 +198,8 @@ class CylinderConstraints:
         oil = None
         if self.drawn is not None:
             built = self.built(stroke.low, e, whole)
-            oil = np.stack([span(area * built, area * built).low for area in (cap, annulus)], axis=1)
+            swept = (area * built for area in (cap, annulus))
+            oil = np.stack([span(one, one).low for one in swept], axis=1)
         return AllowedBoxes(
             kept=kept[left],
             scale=span(scale.low, scale.high),
@@ -414,4 +416,5 @@ def _torques(problem: Problem, i: int) -> tuple[Array, Array]:
         share[0] = max(share[0], r.digging_share)
     closed = 0 if problem.vector.arms_today[i][0] > 0 else -1
     ends = arms[[closed, -1 - closed]]
-    return share * largest(arms[None]) * areas, share_of(r.end_torque_share, name) * np.outer(ends, areas)
+    of_ends = share_of(r.end_torque_share, name) * np.outer(ends, areas)
+    return share * largest(arms[None]) * areas, of_ends

@@ -15,13 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.bound.cylinder_shape import Shape
+from armdesign.design.bound.cylinder_shape import Shape, coordinates
+from armdesign.design.bound.intervals import Interval
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.places import Outline, depth
 from armdesign.units import mm
 
 SAME = 1e-9  # of a step
+NOTHING = 1e-12  # of b
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,7 +33,8 @@ class DrawnLengths:
     Attributes:
         length: step of closed lengths and pins [m].
         stroke: step of strokes [m].
-        today: closed length and stroke of today [m].
+        today: closed length and stroke of today [m], which pins that stay keep.
+        place: today's b (2,).
         pin: coordinates (2,) of today's pin in its link [m], if one pin alone moves.
         shape: at even angles of the joint's range.
         outlines: that hold that pin.
@@ -41,6 +44,7 @@ class DrawnLengths:
     length: float
     stroke: float
     today: tuple[float, float]
+    place: Array
     shape: Shape
     pin: Array | None = None
     outlines: tuple[Outline, ...] = ()
@@ -56,15 +60,15 @@ class DrawnLengths:
         moved = {v.pin for v in problem.vector.variables if v.cylinder == i and v.pin}
         pin = problem.machine.linkages[i].pin(shape.pin)
         alone = pin is not None and moved == {shape.pin} and shape.pin_boxes is None
+        outlines = (one for one in problem.requirements.outlines if pin and one.link == pin.link)
         return cls(
             length=grid.lengths * mm,
             stroke=grid.strokes * mm,
             today=(cylinder.closed_length, cylinder.stroke),
+            place=coordinates(problem, i, shape, problem.vector.start)[:2],
             shape=shape,
             pin=np.array(pin.at)[[0, 2]] if alone and pin else None,
-            outlines=tuple(
-                one for one in problem.requirements.outlines if alone and pin and one.link == pin.link
-            ),
+            outlines=tuple(outlines),
         )
 
     @property
@@ -72,21 +76,26 @@ class DrawnLengths:
         """By which lengths may miss the joint's range [m]."""
         return CONSTRAINT_TOLERANCE * self.today[1]
 
-    def closed(self, at_most: Array) -> Array:
-        """Largest closed lengths on the grid that are no more than some [m]."""
+    def stays(self, b: Interval) -> Flags:
+        """Whether pins may stay where they are in boxes (m, 2) of b."""
+        near = (b.low <= self.place + NOTHING) & (b.high >= self.place - NOTHING)
+        return np.asarray(near.all(axis=1))
+
+    def closed(self, at_most: Array, stays: Flags) -> Array:
+        """Largest closed lengths on the grid, or today's if pins may stay, up to some [m]."""
         most = at_most + self.allowance
         down, today = np.floor(most / self.length) * self.length, self.today[0]
-        return np.where((down < today) & (today <= most), today, down)
+        return np.where(stays & (down < today) & (today <= most), today, down)
 
-    def built(self, stroke: Array, closed: Array, opened: Array) -> Array:
-        """Least strokes on the grid for strokes, least and greatest lengths of pins [m]."""
-        least = np.maximum(stroke, opened - self.closed(closed)) - self.allowance
-        return np.maximum(self._at_least(least), self.least)
+    def built(self, stroke: Array, closed: Array, opened: Array, stays: Flags) -> Array:
+        """Least strokes on the grid, or today's, for strokes, least and greatest lengths [m]."""
+        least = np.maximum(stroke, opened - self.closed(closed, stays)) - self.allowance
+        return np.maximum(self._at_least(least, stays), self.least)
 
-    def _at_least(self, least: Array) -> Array:
-        """Least strokes on the grid that are no less than some [m]."""
+    def _at_least(self, least: Array, stays: Flags) -> Array:
+        """Least strokes on the grid, or today's if pins may stay, no less than some [m]."""
         up, today = np.ceil(least / self.stroke) * self.stroke, self.today[1]
-        return np.where((least <= today) & (today < up), today, up)
+        return np.where(stays & (least <= today) & (today < up), today, up)
 
     def fitting(self, at_most: Array) -> Array:
         """Largest strokes on the grid that are no more than some [m]."""
@@ -95,7 +104,7 @@ class DrawnLengths:
 
     def between(self, least: float, most: float) -> DrawnLengths:
         """The same with no other strokes than between two [m]."""
-        low = float(self._at_least(np.array(max(self.least, least))))
+        low = float(self._at_least(np.array(max(self.least, least)), np.array(True)))
         high = float(self.fitting(np.array(min(self.most, most))))
         return replace(self, least=low, most=high)
 

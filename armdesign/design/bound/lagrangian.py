@@ -41,12 +41,12 @@ from armdesign.design.bound.branching import Cover, Maximum, maximum, part_of
 from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
-    allowed_columns,
     allowed_first,
     column,
     columns_around,
     joined,
     known_columns,
+    random_columns,
 )
 from armdesign.design.bound.cylinder_spring import Stiffening, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
@@ -61,12 +61,11 @@ from armdesign.frequency.modes import inverse_cholesky
 
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
-SAMPLES = 4000  # designs of each cylinder drawn at first, of which
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
-CELLS = 20_000  # branched per cylinder
+CELLS, DRAWN_CELLS = 20_000, 3_000  # branched per cylinder; steps of a drawing hold cells up
 COVER = 500  # cells with which the next branching of a cylinder begins, at most
 TRIED = 50  # known designs of a cylinder, the best, that branching begins with
 
@@ -119,11 +118,8 @@ class LagrangianDual:
         designs = x, problem.vector.start
         known = [known_columns(d, k, problem, designs) for k, d in enumerate(some)]
         pool = [columns_around(d, k, known[k].place[0], random) for k, d in enumerate(some)]
-        for k, drive in enumerate(some):
-            drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
-            pool.append(allowed_columns(drive, k, drive.boxes(drawn, random)))
-            known[k] = allowed_first(drive, known[k], joined(pool[k], pool[-1]))
-        columns = joined(*known)
+        pool += [random_columns(d, k, random) for k, d in enumerate(some)]
+        known = [allowed_first(d, known[k], *pool[k :: len(some)]) for k, d in enumerate(some)]
         reference = max(float(squared.min()), problem.dynamics.omega_squared_scale)
         rows, all_rows = problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
         fixed = replace(rows, slope=rows.slope + motor_stiffness(problem, bool(bars)))
@@ -138,7 +134,7 @@ class LagrangianDual:
             watched=watched,
             reference=reference,
             rows=watched[np.argsort(squared)[:ROWS]],
-            columns=columns,
+            columns=joined(*known),
             pool=joined(*pool),
             covers=[None] * len(some),
             efforts=np.ones(len(some)),
@@ -443,7 +439,8 @@ class LagrangianDual:
         best = np.argsort(-self.values(known, multipliers))[:TRIED]
         share = np.sqrt(self.efforts)
         tolerance = tolerance * float(share[k] / share.sum())
-        most = maximum(term, tolerance, CELLS, known.place[best], self.covers[k])
+        cells = CELLS if term.limits.drawn is None else DRAWN_CELLS
+        most = maximum(term, tolerance, cells, known.place[best], self.covers[k])
         self.efforts[k] = most.cells
         if len(most.leaves[0]) <= COVER:
             self.covers[k] = most.leaves
