@@ -364,13 +364,13 @@ def _bounded(design: Design) -> str:
 def _left_open(step: DesignStep) -> str:
     """Sets that no bound rules out, and by how much at most each might be better."""
     sets = ", ".join(
-        f"{' + '.join(_pin(pin) for pin in some)} {percent(excess, 2)}"
+        f"{' + '.join(_words(path) for path in some)} {percent(excess, 2)}"
         for some, excess in (step.open_sets or {}).items()
     )
     return f"left open of {len(step.pins)} pins: {sets}"
 
 
-def _pin(path: str) -> str:
+def _words(path: str) -> str:
     """A pin's words: "boom base" of "cylinder.boom.base"."""
     return " ".join(path.split(".")[1:]).replace("_", "-")
 

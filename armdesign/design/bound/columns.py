@@ -241,7 +241,7 @@ def allowed_first(drive: JointDrive, known: Columns, *others: Columns) -> Column
     """
     if drive.limits.drawn is None or len(drive.limits.allowed(known.place, known.place).kept) > 0:
         return known
-    return next((some[:1] for some in others if len(some) > 0), known)
+    return next((some[np.array([0])] for some in others if len(some) > 0), known)
 
 
 def columns_around(

@@ -52,10 +52,13 @@ class DrawnLengths:
     most: float = math.inf
 
     @classmethod
-    def of(cls, problem: Problem, i: int, shape: Shape) -> DrawnLengths | None:
-        """Those of cylinder ``i``; None where no pin of it moves, so that its lengths stay."""
+    def of(cls, problem: Problem, i: int, shape: Shape | None) -> DrawnLengths | None:
+        """Those of cylinder ``i`` of a shape at even angles of the joint's range.
+
+        None where no pin of it moves, so that its lengths stay.
+        """
         cylinder, grid = problem.machine.cylinders[i], problem.grid
-        if i not in problem.vector.moving or shape.fixed is not None:
+        if i not in problem.vector.moving or shape is None or shape.fixed is not None:
             return None
         moved = {v.pin for v in problem.vector.variables if v.cylinder == i and v.pin}
         pin = problem.machine.linkages[i].pin(shape.pin)
