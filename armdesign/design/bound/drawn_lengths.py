@@ -125,9 +125,10 @@ class DrawnLengths:
     def peaks(self, b: Array) -> Array:
         """Largest moment arms (m,) over the joint's range at places b (m, 2) of a pin [m/rad].
 
-        By a parabola, as the requirements take them.
+        By a parabola, as the requirements take them, and more than other even angles lose.
         """
-        return largest(np.abs(self.shape.enclose(b, b).wide.arm.low[:, 2:]))
+        arms = np.abs(self.shape.enclose(b, b).wide.arm.low[:, 2:])
+        return largest(arms) * (1 + CONSTRAINT_TOLERANCE)
 
     def shrunk(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Boxes (m, …) of b and more shrunk to the places that a pin may have in them.
