@@ -2,9 +2,10 @@
 
 A bound on the designs of a set holds for all of its subsets: their other pins stay where they are
 within their boxes. So sets are looked at from the largest down, and a bound of one spares those of
-many. It holds for all sizes, or all of a catalogue, with lengths on no grid (``bound``). So where
-a set's own design exceeds the best of all before its lengths are rounded to the grid, no bound can
-rule the set out: then it only says by how much at most the set may be better.
+many. It holds for all sizes with lengths on no grid, or for all of a catalogue with lengths on the
+drawing's (``drawn_lengths``). Where both pins of a cylinder move, its places are still on no grid:
+then a set that can be built as well as the best may stay open, and its bound only says by how much
+at most it may be better.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ def bounds_of_others(
     searches: Mapping[Pins, Search],
     best: Mapping[Pins, float],
     workers: int,
-    unrounded: Mapping[Pins, float],
+    own: Mapping[Pins, float],
+    drawn: bool,
     known: Bounds | None = None,
 ) -> dict[Pins, float]:
     """Bounds [Hz] on the sets beside the best of as many pins, sought until they are no more.
@@ -37,7 +39,9 @@ def bounds_of_others(
         searches: of sets, at their ends.
         best: of the best set of each number of pins what its design reaches, as the bound [Hz].
         workers: processes that share the bounds.
-        unrounded: of sets with a design what it reaches before its lengths are rounded [Hz].
+        own: of sets with a design what it reaches [Hz]: as built where it is ``drawn``, else
+            before its lengths are rounded.
+        drawn: whether designs have sizes of a catalogue and lengths on the drawing's grid.
         known: bounds at hand, which are not sought again.
     """
     bounds = dict(known or {})
@@ -53,19 +57,21 @@ def bounds_of_others(
     ]:
         as_many = [one for one in left if len(one[0]) == len(left[0][0])]
         looked_at = as_many if len(as_many) >= TOGETHER else left[:TOGETHER]
-        wanted = [_wanted(unrounded.get(some, 0.0), reached) for some, reached in looked_at]
+        wanted = [_wanted(own.get(some, 0.0), reached) for some, reached in looked_at]
         some_searches = [searches[some] for some, _ in looked_at]
-        found = certificates_within_bands(some_searches, workers, wanted)
+        found = certificates_within_bands(some_searches, workers, wanted, drawn)
         bounds |= {
-            some: one.frequency for (some, _), one in zip(looked_at, found, strict=True) if one
+            some: one.above(own.get(some, 0.0)).frequency
+            for (some, _), one in zip(looked_at, found, strict=True)
+            if one
         }
         waiting = [one for one in left if one not in looked_at]
     return bounds
 
 
-def _wanted(unrounded: float, reached: float) -> float:
-    """Where the bound on a set ends [Hz], of which a design reaches so much before rounding."""
-    return reached if unrounded <= reached else max(reached, unrounded * (1 + NEAR))
+def _wanted(own: float, reached: float) -> float:
+    """Where the bound on a set ends [Hz], of which a design of its own reaches so much."""
+    return reached if own <= reached else own * (1 + NEAR)
 
 
 def others(pins: Pins, chosen: Pins) -> list[Pins]:

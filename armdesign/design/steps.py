@@ -64,10 +64,9 @@ class DesignStep:
         built: of these the ones that were designed as they can be built: the best, and those that
             no bound rules out.
         sets: that there are.
-        proved: of all other sets those whose upper bound says that none of their designs, whatever
-            the grid of the drawing, gains more than this one.
-        excess: share by which a design of any of the others might exceed this one's worst
-            frequency, by their bounds; 0 where all are proved, infinite where one has no bound.
+        open_sets: other sets that no upper bound rules out, each with the share by which a design
+            of it might exceed this one's worst frequency: infinite without a bound. None: no
+            bounds were sought.
     """
 
     __repr__ = short_repr
@@ -77,8 +76,23 @@ class DesignStep:
     searched: int
     built: int
     sets: int
-    proved: int = 0
-    excess: float = math.inf
+    open_sets: Mapping[Pins, float] | None = None
+
+    @property
+    def proved(self) -> int:
+        """Other sets of which an upper bound says that none of their designs gains more.
+
+        With a catalogue a bound on what can be built, see ``proved_sets``; else on all designs.
+        """
+        return 0 if self.open_sets is None else self.sets - 1 - len(self.open_sets)
+
+    @property
+    def excess(self) -> float:
+        """Share by which a design of the sets left open might exceed this one's worst frequency.
+
+        0 where none is, infinite where one has no bound.
+        """
+        return math.inf if self.open_sets is None else max(self.open_sets.values(), default=0.0)
 
     @property
     def gain(self) -> float:
@@ -238,7 +252,8 @@ def steps(
     built = _designs({some: best[some] for some in few}, sizes, command, workers)
     answer = _rising(machine, built, best, pins)
     reached = {step.pins: _judged(step.design) for step in answer.steps}
-    bounds = bounds_of_others(pins, best, reached, workers, _unrounded(built))
+    drawn = sizes is not None
+    bounds = bounds_of_others(pins, best, reached, workers, _own(built, drawn), drawn)
     if sizes:
         left = {
             some: best[some]
@@ -250,7 +265,7 @@ def steps(
         answer = _rising(machine, built, best, pins)
         reached = {step.pins: _judged(step.design) for step in answer.steps}
         # of those that lost
-        bounds = bounds_of_others(pins, best, reached, workers, _unrounded(built), bounds)
+        bounds = bounds_of_others(pins, best, reached, workers, _own(built, drawn), drawn, bounds)
     return replace(answer, steps=tuple(_proved(step, pins, bounds) for step in answer.steps))
 
 
@@ -265,10 +280,8 @@ def _command(options: SearchOptions) -> str:
 def _proved(step: DesignStep, pins: Pins, bounds: Bounds) -> DesignStep:
     """The step with what bounds prove of the other sets of as many pins."""
     reached = _judged(step.design)
-    most = [most_of(some, bounds) / reached - 1 for some in others(pins, step.pins)]
-    return replace(
-        step, proved=sum(one <= 0 for one in most), excess=max(0.0, max(most, default=0.0))
-    )
+    most = {some: most_of(some, bounds) / reached - 1 for some in others(pins, step.pins)}
+    return replace(step, open_sets={some: excess for some, excess in most.items() if excess > 0})
 
 
 def _rising(
@@ -320,9 +333,10 @@ def _judged(design: Design) -> float:
     return design.problem.dynamics.corners.judged(design.machine)
 
 
-def _unrounded(built: Mapping[Pins, Design | InfeasibleError]) -> dict[Pins, float]:
-    """What designs reach before their lengths are rounded, as the bound [Hz]."""
-    return {some: one.unrounded for some, one in built.items() if isinstance(one, Design)}
+def _own(built: Mapping[Pins, Design | InfeasibleError], drawn: bool) -> dict[Pins, float]:
+    """What designs reach [Hz], as a bound on drawn ones or on those before rounding."""
+    designs = {some: one for some, one in built.items() if isinstance(one, Design)}
+    return {some: _judged(one) if drawn else one.unrounded for some, one in designs.items()}
 
 
 def _pins(machine: Machine) -> Pins:

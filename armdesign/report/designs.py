@@ -339,9 +339,10 @@ def steps_sheet(answer: Steps) -> Sheet:
     notes.append(
         "searched: sets of so many pins, from today's pins, from the best with one pin less and,"
         " where starts ask for them, from drawn ones;"
-        " proved: of the other sets those whose upper bound is no more than what is reached here,"
-        " and by how much others might exceed it"
+        f" proved: other sets of which no {_bounded(first)} gains more than what is reached here,"
+        " by an upper bound, and by how much at most one of the rest might"
     )
+    notes += [_left_open(step) for step in answer.steps if 0 < step.excess < math.inf]
     if any(step.searched < step.sets for step in answer.steps):
         notes.append("of too many sets those were searched that add a pin to the step before")
     if max(step.built for step in answer.steps) > 1:
@@ -355,11 +356,30 @@ def steps_sheet(answer: Steps) -> Sheet:
     )
 
 
+def _bounded(design: Design) -> str:
+    """What bounds on sets of pins are of."""
+    return "machine that can be built" if design.problem.grid.sizes else "design"
+
+
+def _left_open(step: DesignStep) -> str:
+    """Sets that no bound rules out, and by how much at most each might be better."""
+    sets = ", ".join(
+        f"{' + '.join(_words(path) for path in some)} {percent(excess, 2)}"
+        for some, excess in (step.open_sets or {}).items()
+    )
+    return f"left open of {len(step.pins)} pins: {sets}"
+
+
+def _words(path: str) -> str:
+    """A pin's words: "boom base" of "cylinder.boom.base"."""
+    return " ".join(path.split(".")[1:]).replace("_", "-")
+
+
 def _proved(step: DesignStep) -> str:
     """How many other sets are proved to hold nothing better, and what is not ruled out."""
     if step.sets == 1:
         return ""
-    left = f"; {percent(step.excess)}" if 0 < step.excess < math.inf else ""
+    left = f"; {percent(step.excess, 2)}" if 0 < step.excess < math.inf else ""
     return f"{step.proved} of {step.sets - 1}{left}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,7 +28,7 @@ def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch)
     asked: list[Any] = []
     most = {"bc": 3.0, "ac": 9.0, "a": 3.5}
 
-    def bounds(searches: list[Any], workers: int, wanted: list[float]) -> list[Certificate]:
+    def bounds(searches: list[Any], _: int, wanted: list[float], *_drawn: bool) -> list[Any]:
         asked.extend((search.name, w) for search, w in zip(searches, wanted, strict=True))
         return [
             Certificate(frequency=most[search.name], held=(), assumptions=())
@@ -40,18 +41,18 @@ def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch)
         for name in ("ab", "ac", "bc", "a", "b", "c", "abc")
     }
     best = {("b",): 4.0, ("a", "b"): 5.0, PINS: 6.0, (): 1.0}
-    unrounded = {("a", "c"): 8.0, ("b", "c"): 5.0, ("a",): 3.9}
-    bounds_found = bounds_of_others(PINS, searches, best, 1, unrounded)
+    own = {("a", "c"): 8.0, ("b", "c"): 2.9, ("a",): 3.4}
+    bounds_found = bounds_of_others(PINS, searches, best, 1, own, False)
     assert asked == [("ac", 8.0 * (1 + NEAR)), ("bc", 5.0), ("a", 4.0)]
-    assert bounds_of_others(PINS, searches, best, 1, unrounded, bounds_found) == bounds_found
+    assert bounds_of_others(PINS, searches, best, 1, own, False, bounds_found) == bounds_found
     assert len(asked) == 3
     least = {
         chosen: [most_of(some, bounds_found) for some in others(PINS, chosen)] for chosen in best
     }
     assert least == {("b",): [3.5, 3.0], ("a", "b"): [9.0, 3.0], PINS: [], (): []}
     steps = {
-        chosen: DesignStep(pins=chosen, design=reached, searched=1, built=1, sets=1)  # type: ignore[arg-type]
-        for chosen, reached in best.items()
+        chosen: DesignStep(pins=chosen, design=reached, searched=1, built=1, sets=sets)  # type: ignore[arg-type]
+        for (chosen, reached), sets in zip(best.items(), (3, 3, 1, 1), strict=True)
     }
     monkeypatch.setattr("armdesign.design.steps._judged", lambda design: design)
     proved = {chosen: _proved(step, PINS, bounds_found) for chosen, step in steps.items()}
@@ -59,6 +60,17 @@ def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch)
         ("b",): 2, ("a", "b"): 1, PINS: 0, (): 0
     }  # fmt: skip
     assert [proved[chosen].excess for chosen in best] == pytest.approx([0.0, 0.8, 0.0, 0.0])
+    assert proved["a", "b"].open_sets == pytest.approx({("a", "c"): 0.8})
+
+
+def test_a_bound_below_a_design_of_its_own_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The proof is wrong then."""
+    low = Certificate(frequency=3.0, held=(), assumptions=())
+    monkeypatch.setattr(module, "certificates_within_bands", lambda *_: [low])
+    searches: Any = {("a",): None, ("b",): None}
+    for own, bound in ((2.9, 3.0), (3.1, math.inf)):
+        found = bounds_of_others(("a", "b"), searches, {("b",): 4.0}, 1, {("a",): own}, True)
+        assert found == {("a",): bound}
 
 
 @pytest.mark.slow

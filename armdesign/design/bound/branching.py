@@ -129,8 +129,18 @@ def _looked_at(
     term: CylinderTerm, best: Maximum, low: Array, high: Array, places: Array
 ) -> tuple[Cells, Maximum]:
     """Cells bounded, and the best of the designs at places too, which are cells of no width."""
-    both = term.upper(np.concatenate([low, places]), np.concatenate([high, places]))
+    corners = np.concatenate([low, places]), np.concatenate([high, places])
+    drawn = term.limits.drawn
+    if drawn is None:
+        both = term.upper(*corners)
+    else:
+        first, last = drawn.shrunk(*corners)
+        whole = np.flatnonzero(np.all(first <= last, axis=1))
+        both = term.upper(first[whole], last[whole])
+        both = replace(both, source=whole[both.source])
     cells, designs = both[both.source < len(low)], both[both.source >= len(low)]
+    if drawn is not None:  # a cell of no width is a design
+        designs = together(designs, cells[np.all(cells.low == cells.high, axis=1)])
     designs = designs[np.isfinite(designs.bound)]
     if len(designs.bound) == 0 or designs.bound.max() <= best.value:
         return cells, best
@@ -151,6 +161,8 @@ def _middles(term: CylinderTerm, cells: Cells) -> Array:
         return low
     if term.limits.areas.pairs is not None:
         low[:, 3:] = term.limits.areas.nearest((low[:, 3:] + high[:, 3:]) / 2)
+        if drawn := term.limits.drawn:
+            return drawn.nearest(low, *term.shape.region)
         return low
     allowed = term.limits.allowed(low, high)
     volume = allowed.volume

@@ -176,23 +176,30 @@ def certificate_within_bands(problem: Problem, x: Array, rows: Array) -> Certifi
 
 
 def certificates_within_bands(
-    searches: Sequence[Search], workers: int = 1, wanted: Sequence[float] | None = None
+    searches: Sequence[Search],
+    workers: int = 1,
+    wanted: Sequence[float] | None = None,
+    drawn: bool = False,
 ) -> list[Certificate | None]:
     """``certificate_within_bands`` of several problems, on so many processes.
 
-    Each is sought until it is no more than is ``wanted`` of it [Hz], or as long as it falls.
+    Each is sought until it is no more than is ``wanted`` of it [Hz], or as long as it falls. With
+    lengths on the drawing's grid, of designs that are ``drawn``, it is less.
     """
     enough: Sequence[float | None] = wanted or [None] * len(searches)
 
     def identity(k: int) -> Any:
         search = searches[k]
-        return [search.problem.identity, search.x.tolist(), search.rows.tolist(), enough[k]]
+        problem, x, rows = search.problem.identity, search.x.tolist(), search.rows.tolist()
+        return [problem, x, rows, enough[k], *(["drawn"] if drawn else [])]
 
     def compute(numbers: list[int]) -> Iterator[tuple[int, Certificate | None]]:
         from joblib import Parallel, delayed
 
         some = [(searches[k], enough[k]) for k in numbers]
-        tasks = (delayed(_computed_within_bands)(s.problem, s.x, s.rows, w) for s, w in some)
+        tasks = (
+            delayed(_computed_within_bands)(s.problem, s.x, s.rows, w, drawn) for s, w in some
+        )
         yield from zip(numbers, Parallel(workers, return_as="generator")(tasks), strict=True)
 
     def read(_: int, answer: Mapping[str, Any]) -> Certificate | None:
@@ -206,19 +213,19 @@ def certificates_within_bands(
 
 
 def _computed_within_bands(
-    problem: Problem, x: Array, rows: Array, wanted: float | None
+    problem: Problem, x: Array, rows: Array, wanted: float | None, drawn: bool
 ) -> Certificate | None:
     """``certificate_within_bands``, computed until it is no more than is ``wanted`` [Hz]."""
     dynamics = problem.dynamics
     if not dynamics.corners.gain:
-        return certificate_of(problem.softest, x, rows, wanted)
+        return certificate_of(problem.softest, x, rows, wanted, drawn)
     corners, squared = dynamics.corners, dynamics.omega_squared(x)
     least = [squared[dynamics.rows.corner == k].min() for k in range(len(corners.all))]
     if _alike(problem):
         all_own = [np.flatnonzero(dynamics.rows.corner == k) for k in range(len(corners.all))]
         lowest_of = [own[np.argsort(squared[own])[:WATCHED]] for own in all_own]
         watched = np.unique(np.concatenate([rows, *lowest_of]))
-        return certificate_of(problem, x, watched, wanted)
+        return certificate_of(problem, x, watched, wanted, drawn)
     bounds = []
     for end in range(len(corners.ends)):
         k = min(np.flatnonzero(corners.end == end), key=lambda k: least[k])
@@ -227,7 +234,7 @@ def _computed_within_bands(
         watched = np.union1d(lowest, rows[dynamics.rows.corner[rows] == k]) - own[0]
         ratio = math.sqrt(corners.weights[k])
         here = None if wanted is None else wanted * ratio
-        if bound := certificate_of(problem.at_corner(int(k)), x, watched, here):
+        if bound := certificate_of(problem.at_corner(int(k)), x, watched, here, drawn):
             bounds.append(replace(bound, frequency=bound.frequency / ratio))
             if wanted is not None and bounds[-1].frequency <= wanted:
                 break
@@ -244,7 +251,7 @@ def _alike(problem: Problem) -> bool:
 
 
 def certificate_of(
-    problem: Problem, x: Array, rows: Array, wanted: float | None = None
+    problem: Problem, x: Array, rows: Array, wanted: float | None = None, drawn: bool = False
 ) -> Certificate | None:
     """The bound on the worst frequency of all designs of a problem with exact oil and structure.
 
@@ -255,14 +262,15 @@ def certificate_of(
         x: a good design: multipliers are sought around it. The bound holds whatever it is.
         rows: rows that may enter, such as those that a search has watched.
         wanted: bound [Hz] that is low enough; None: one near to what x reaches.
+        drawn: whether designs have lengths on the drawing's grid, which x need not.
 
     Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder
     has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
     is allowed and has sizes of the catalogue, is refused.
     """
-    bound = _before_check(problem, x, rows, wanted)
+    bound = _before_check(problem, x, rows, wanted, drawn)
     allowed = constraints_at(problem, x).values.min() >= -CONSTRAINT_TOLERANCE
-    if bound is None or not (allowed and _has_offered_sizes(problem, x)):
+    if bound is None or drawn or not (allowed and _has_offered_sizes(problem, x)):
         return bound
     return bound.above(hertz(float(problem.dynamics.omega_squared(x).min())))
 
@@ -281,7 +289,7 @@ def _has_offered_sizes(problem: Problem, x: Array) -> bool:
 
 
 def _before_check(
-    problem: Problem, x: Array, rows: Array, wanted: float | None
+    problem: Problem, x: Array, rows: Array, wanted: float | None, drawn: bool
 ) -> Certificate | None:
     """``certificate_of``, whatever x reaches."""
     if not problem.vector.moving:
@@ -291,7 +299,7 @@ def _before_check(
     bars = bar_enclosures(problem)
     if bars is None or problem.dynamics.corners.proportional:
         return None
-    driving = joint_drives(problem, bars)
+    driving = joint_drives(problem, bars, drawn)
     if not driving:
         return None
     dual = LagrangianDual.start(problem, driving, x, rows, bars)
@@ -305,11 +313,11 @@ def _before_check(
     return Certificate(
         frequency=hertz(best * dual.reference) * (1 + ROUNDING),
         held=held,
-        assumptions=_assumptions(problem, held),
+        assumptions=_assumptions(problem, held, drawn),
     )
 
 
-def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
+def _assumptions(problem: Problem, held: tuple[str, ...], drawn: bool = False) -> tuple[str, ...]:
     words = [
         "today's workspace and load cases",
         "pins in their boxes, and requirements as the optimiser takes them",
@@ -328,6 +336,7 @@ def _assumptions(problem: Problem, held: tuple[str, ...]) -> tuple[str, ...]:
     if problem.vector.moving:
         words.append(f"each requirement wider by {CONSTRAINT_TOLERANCE:g}")
         if problem.grid.sizes:
-            words.append("sizes of the catalogue, strokes and pins on no grid")
+            grid = "lengths on the drawing's grid" if drawn else "strokes and pins on no grid"
+            words.append(f"sizes of the catalogue, {grid}")
     words += [f"the {name} cylinder rigid" for name in held]
     return tuple(words)

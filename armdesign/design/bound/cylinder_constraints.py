@@ -19,6 +19,7 @@ from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_areas import CylinderAreas
 from armdesign.design.bound.cylinder_loads import Loads, loads_of
 from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Shape, shape_of
+from armdesign.design.bound.drawn_lengths import DrawnLengths, largest
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_factor
@@ -40,6 +41,7 @@ class AllowedBoxes:
         scale: scales (k,).
         volume: vertices (k, v, 2) of a polygon around the swept volumes [m³].
         low, high: ends (k, 2) of the swept volumes; of the areas where they are of a catalogue.
+        oil: least oil (k, 2) that is swept as built [m³]; None where lengths are on no grid.
     """
 
     kept: Array
@@ -47,6 +49,7 @@ class AllowedBoxes:
     volume: Array
     low: Array
     high: Array
+    oil: Array | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,6 +72,7 @@ class CylinderConstraints:
         end_torque: least area × moment arm (2, 2: closed and open, sides) at the ends [m³/rad].
         loads: that it must hold, at the last angles of the shape.
         supply, back: pressures of supply and return [Pa].
+        drawn: the drawing's grid of its lengths, beside areas of a catalogue; None: on no grid.
     """
 
     shape: Shape
@@ -84,6 +88,7 @@ class CylinderConstraints:
     loads: Loads
     supply: float
     back: float
+    drawn: DrawnLengths | None = None
 
     @property
     def others(self) -> Array:
@@ -141,8 +146,28 @@ class CylinderConstraints:
         if self.shape.pin_boxes is not None:
             scale = self.shape.pin_boxes.scales(low[:, :2], high[:, :2], scale)
             kept = np.flatnonzero(~(scale.low > scale.high))
+        if self.drawn is not None:
+            kept = kept[self.drawn.held(low[kept, :2], high[kept, :2])]
         e = self.shape.enclose(low[kept, :2], high[kept, :2])
-        return kept, e, self._long_enough(e, scale[kept])
+        return kept, e, self._as_drawn(e, self._long_enough(e, scale[kept]))
+
+    def _as_drawn(self, e: Enclosure, scale: Interval) -> Interval:
+        """The scales, none where no stroke on the drawing's grid fits."""
+        if self.drawn is None:
+            return scale
+        closed = e.wide.closed.high * scale.high
+        stroke = self.built(e.stroke.low * scale.low, e, scale)
+        room = self.drawn.closed(closed, self.drawn.stays(e.wide.b)) - self.dead_length
+        fits = (stroke <= self.drawn.most) & (stroke <= room + self.drawn.allowance)
+        return Interval(np.where(fits, scale.low, np.inf), scale.high)
+
+    def built(self, stroke: Array, e: Enclosure, scale: Interval) -> Array:
+        """Least strokes (m, …) on the drawing's grid, of no less than some over boxes (m,) [m]."""
+        assert self.drawn is not None
+        stays = self.drawn.stays(e.wide.b)
+        of_box = e.wide.closed.high * scale.high, e.wide.open.low * scale.low, stays
+        ones = np.ones(stroke.ndim - 1, dtype=int)
+        return self.drawn.built(stroke, *(part.reshape(-1, *ones) for part in of_box))
 
     def _of_pairs(
         self, kept: Array, e: Enclosure, scale: Interval, low: Array, high: Array
@@ -153,7 +178,8 @@ class CylinderConstraints:
         """
         pairs = self.areas.pairs
         assert pairs is not None
-        (cap, annulus), (stroke, scale) = pairs.T, self._of_each_pair(e, scale, pairs)
+        whole, (cap, annulus) = scale, pairs.T
+        stroke, scale = self._of_each_pair(e, scale, pairs)
         possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
         if low.shape[1] > 0:
             possible &= np.all((pairs >= low[:, None]) & (pairs <= high[:, None]), axis=2)
@@ -169,12 +195,18 @@ class CylinderConstraints:
         volume, ratio = span(cap * stroke.low, cap * stroke.high), span(*2 * [annulus / cap])
         corners = [(v, r) for v in (volume.low, volume.high) for r in (ratio.low, ratio.high)]
         areas = [span(area, area) for area in (cap, annulus)]
+        oil = None
+        if self.drawn is not None:
+            built = self.built(stroke.low, e, whole)
+            swept = (area * built for area in (cap, annulus))
+            oil = np.stack([span(one, one).low for one in swept], axis=1)
         return AllowedBoxes(
             kept=kept[left],
             scale=span(scale.low, scale.high),
             volume=np.stack([np.stack([v, v * r], axis=1) for v, r in corners], axis=1),
             low=np.stack([area.low for area in areas], axis=1),
             high=np.stack([area.high for area in areas], axis=1),
+            oil=oil,
         )
 
     def _of_each_pair(
@@ -186,10 +218,13 @@ class CylinderConstraints:
             longest = (cap - annulus) / np.sqrt(self.buckling * cap)
         longest = longest / e.wide.open.low[:, None]
         scale, own = scale[:, None], e.stroke[:, None]
+        most = (self.volume[1] / pairs).min(axis=1)
+        if self.drawn is not None:
+            most = np.minimum(self.drawn.fitting(most), self.drawn.most) + self.drawn.allowance
         scale = Interval(scale.low, np.minimum(scale.high, longest))
         stroke = Interval(
             np.maximum(own.low * scale.low, self._least_strokes(e, pairs)),
-            np.minimum(own.high * scale.high, (self.volume[1] / pairs).min(axis=1)),
+            np.minimum(own.high * scale.high, most),
         )
         return stroke, scale.within(Interval(stroke.low / own.high, stroke.high / own.low))
 
@@ -262,7 +297,11 @@ class CylinderConstraints:
     def _turning(self, e: Enclosure) -> Array:
         """Swept volumes (m, 2) that torques need at least."""
         size = e.rate.size
-        least = self.torque / size[:, : self.ranged].max(axis=1)[:, None]
+        most = size[:, : self.ranged].max(axis=1)
+        if self.drawn is not None and self.drawn.pin is not None:  # exact at a place of a pin
+            at = np.flatnonzero(np.all(e.reach == 0, axis=1))
+            most[at] = self.drawn.peaks(e.centre.b.low[at]) / e.stroke.low[at] * (1 - PEAK)
+        least = self.torque / most[:, None]
         return np.maximum(least, (self.end_torque / size[:, :2, None]).max(axis=1))
 
     def _held(self, e: Enclosure) -> Array:
@@ -316,17 +355,23 @@ def _around_rod(least: Array, most: Array, slender: Array, rod: Interval) -> tup
 
 
 def cylinder_constraints(
-    problem: Problem, i: int, bars: Sequence[BarEnclosure] = (), alone: bool = True
+    problem: Problem,
+    i: int,
+    bars: Sequence[BarEnclosure] = (),
+    alone: bool = True,
+    drawn: bool = False,
 ) -> CylinderConstraints | None:
     """Limits of cylinder ``i`` under ``bars``, each wider by ``CONSTRAINT_TOLERANCE``; or None.
 
-    Without loads where it does not move its joint ``alone``.
+    Without loads where it does not move its joint ``alone``. With lengths on the drawing's grid
+    where they are ``drawn`` and sizes are of a catalogue.
     """
     machine, r, cylinder = problem.machine, problem.requirements, problem.machine.cylinders[i]
     vector, poses, more = problem.vector, problem.vector.range_poses[i], 1 + CONSTRAINT_TOLERANCE
     if poses is None:
         return None
     arms, today = np.abs(vector.arms_today[i]), vector.areas_today[i]
+    all_angles = poses.q[:, machine.linkages[i].joints[0]]
     sign = float(np.sign(vector.arms_today[i][0]))
     torque, end_torque = _torques(problem, i)
     # of all poses one has the largest arm; the least may be looked for at some
@@ -352,6 +397,11 @@ def cylinder_constraints(
         loads=replace(loads, held=loads.held / more),
         supply=machine.supply.pressure,
         back=machine.supply.return_pressure,
+        drawn=(
+            DrawnLengths.of(problem, i, shape_of(problem, i, all_angles))
+            if drawn and areas.pairs is not None
+            else None
+        ),
     )
     useful = limits.of_useful_pairs()
     return None if useful is None else useful.of_useful_angles()
@@ -366,4 +416,5 @@ def _torques(problem: Problem, i: int) -> tuple[Array, Array]:
         share[0] = max(share[0], r.digging_share)
     closed = 0 if problem.vector.arms_today[i][0] > 0 else -1
     ends = arms[[closed, -1 - closed]]
-    return share * arms.max() * areas, share_of(r.end_torque_share, name) * np.outer(ends, areas)
+    of_ends = share_of(r.end_torque_share, name) * np.outer(ends, areas)
+    return share * largest(arms[None]) * areas, of_ends

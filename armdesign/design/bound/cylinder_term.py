@@ -90,6 +90,10 @@ class CylinderTerm:
         bound, spread, known = self.enclosed(e, vertices, costs, spring)
         bound = np.where(np.isnan(bound), np.inf, bound)
         rows, best = np.arange(len(low)), bound.argmax(axis=1)
+        most = bound[rows, best]
+        if allowed.oil is not None:  # as built it costs no less, whatever volumes are best
+            unpaid = (bound + vertices @ self.price).max(axis=1)
+            most = np.minimum(most, unpaid - allowed.oil @ self.price)
         ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
         if low.shape[1] > 3:
             ends[0], ends[1] = [*ends[0], allowed.low], [*ends[1], allowed.high]
@@ -102,7 +106,7 @@ class CylinderTerm:
         return Cells(
             low=np.column_stack(ends[0]),
             high=np.column_stack(ends[1]),
-            bound=bound[rows, best],
+            bound=most,
             volume=vertices[rows, best],
             added=added,
             source=allowed.kept,

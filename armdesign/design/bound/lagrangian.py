@@ -41,11 +41,12 @@ from armdesign.design.bound.branching import Cover, Maximum, maximum, part_of
 from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
-    allowed_columns,
+    allowed_first,
     column,
     columns_around,
     joined,
     known_columns,
+    random_columns,
 )
 from armdesign.design.bound.cylinder_spring import Stiffening, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
@@ -60,12 +61,11 @@ from armdesign.frequency.modes import inverse_cholesky
 
 ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
-SAMPLES = 4000  # designs of each cylinder drawn at first, of which
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
-CELLS = 20_000  # branched per cylinder
+CELLS, DRAWN_CELLS = 20_000, 6_000  # branched per cylinder; steps of a drawing hold cells up
 COVER = 500  # cells with which the next branching of a cylinder begins, at most
 TRIED = 50  # known designs of a cylinder, the best, that branching begins with
 
@@ -117,11 +117,9 @@ class LagrangianDual:
         squared = problem.dynamics.omega_squared(x, watched)
         designs = x, problem.vector.start
         known = [known_columns(d, k, problem, designs) for k, d in enumerate(some)]
-        columns = joined(*known)
         pool = [columns_around(d, k, known[k].place[0], random) for k, d in enumerate(some)]
-        for k, drive in enumerate(some):
-            drawn = random.uniform(*drive.shape.region, (SAMPLES, 3))
-            pool.append(allowed_columns(drive, k, drive.boxes(drawn, random)))
+        pool += [random_columns(d, k, random) for k, d in enumerate(some)]
+        known = [allowed_first(d, known[k], *pool[k :: len(some)]) for k, d in enumerate(some)]
         reference = max(float(squared.min()), problem.dynamics.omega_squared_scale)
         rows, all_rows = problem.dynamics.rows, np.arange(len(problem.dynamics.rows))
         fixed = replace(rows, slope=rows.slope + motor_stiffness(problem, bool(bars)))
@@ -136,7 +134,7 @@ class LagrangianDual:
             watched=watched,
             reference=reference,
             rows=watched[np.argsort(squared)[:ROWS]],
-            columns=columns,
+            columns=joined(*known),
             pool=joined(*pool),
             covers=[None] * len(some),
             efforts=np.ones(len(some)),
@@ -228,7 +226,7 @@ class LagrangianDual:
         )
         slopes[:count] = self._matrices(inverse, self.rows)
         whole[self.columns.drive, np.arange(count)] = 1.0
-        oil[:, :count] = -(self.columns.volume / today).T
+        oil[:, :count] = -(self.columns.oil / today).T
         value = np.concatenate([[budget, budget], np.ones(nd), -np.ones(nd)])
         high = (np.arange(COLUMNS) < count).astype(float)
         one = programme(len(self.rows), base.shape[1], len(value), COLUMNS)
@@ -322,7 +320,7 @@ class LagrangianDual:
         """Each column's part (c,) of the upper bound."""
         entries = self.diagonals(columns, multipliers.rows) * self.reference
         own = np.diagonal(multipliers.weight, axis1=1, axis2=2)[:, self._place[columns.drive]]
-        return np.asarray(np.einsum("cn,nc->c", entries, own) - columns.volume @ multipliers.oil)
+        return np.asarray(np.einsum("cn,nc->c", entries, own) - columns.oil @ multipliers.oil)
 
     def _take_rows(self, multipliers: Multipliers) -> float:
         """Replace rows of least weight by the mixture's lowest; returns its lowest ω²."""
@@ -449,7 +447,8 @@ class LagrangianDual:
         best = np.argsort(-self.values(known, multipliers))[:TRIED]
         share = np.sqrt(self.efforts)
         tolerance = tolerance * float(share[k] / share.sum())
-        most = maximum(term, tolerance, CELLS, known.place[best], self.covers[k])
+        cells = CELLS if term.limits.drawn is None else DRAWN_CELLS
+        most = maximum(term, tolerance, cells, known.place[best], self.covers[k])
         self.efforts[k] = most.cells
         if len(most.leaves[0]) <= COVER:
             self.covers[k] = most.leaves

@@ -131,8 +131,13 @@ def _upper(term: CylinderTerm, low: Array, high: Array) -> tuple[Array, Array]:
     at = e.centre
     middle = _value(term, at.place, at.rate, at.bend, at.arm, volume, spring)
     around = np.where(whole, np.nextafter(middle.high + spread, np.inf), np.inf)
-    cost = _cost(term, e.stroke * scale, volume)
-    upper = (Outward.like(np.fmin(natural.high, around)) - cost).high.max(axis=1)
+    total, stroke = Outward.like(np.fmin(natural.high, around)), e.stroke * scale
+    upper = (total - _cost(term, stroke, volume)).high.max(axis=1)
+    if allowed.oil is not None:
+        oil = Outward.like(allowed.oil * (1 - LOST))
+        paid = oil[:, 0] * term.price[0] + oil[:, 1] * term.price[1]
+        others = _cost(replace(term, price=np.zeros(2)), stroke, volume)
+        upper = np.fmin(upper, ((total - others) - paid[:, None]).high.max(axis=1))
     return kept, np.where(np.isnan(upper), np.inf, upper)
 
 

@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.branching import Maximum
-from armdesign.design.bound.columns import Columns, JointDrive
+from armdesign.design.bound.columns import LEAST, Columns, JointDrive
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.bound.outward import Proof, certified
 from armdesign.errors import InfeasibleError
@@ -35,6 +36,10 @@ VAGUE, COARSE, FINE = 0.02, 0.01, 1e-3
 ENOUGH, PLENTY = 0.0275, 0.0033
 SLICE = 0.1  # of a region, the least that a cut leaves on either side
 MIXED = 1e-3  # share of a mixture that counts
+TINY = 1e-12
+PART = 0.02  # share of a mixture, of sizes, that is worth a cut
+Cut: TypeAlias = tuple[float, int, int, float]  # gain, drive, axis and place
+STROKE = 5  # axis of the strokes that are built, after those of places
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,7 +136,9 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
     if multipliers is None:
         return None
     columns, shares = multipliers.columns, multipliers.mixture
-    gains: list[tuple[float, int, int, float]] = []
+    sizes: list[Cut] = []
+    strokes: list[Cut] = []
+    gains: list[Cut] = []
     for k, drive in enumerate(dual.drives):
         own = np.flatnonzero((columns.drive == k) & (shares > MIXED))
         weight, places = shares[own] / shares[own].sum(), columns.place[own]
@@ -145,14 +152,50 @@ def _cut(region: Region) -> tuple[int, int, float] | None:
         inside = (mean > low) & (mean < high)
         place = np.clip(mean, *(low + share * (high - low) for share in (SLICE, 1 - SLICE)))
         gains += [(along[a] - at_mean, k, a, place[a]) for a in range(5) if inside[a]]
-    best = max(gains, default=(0.0, 0, 0, 0.0))
+        if drive.limits.drawn is not None:
+            sizes += _between_sizes(k, columns[own], weight)
+            strokes += _between_strokes(k, columns[own], weight, multipliers)
+            # steps hide what is gained: the widest mixture is cut last of all
+            spread = weight @ np.abs(places - mean) / np.maximum(high - low, TINY)
+            gains += [(TINY * spread[a], k, a, place[a]) for a in range(5) if inside[a]]
+    best = max(sizes or strokes or gains, default=(0.0, 0, 0, 0.0))
     return best[1:] if best[0] > 0 else None
 
 
+def _between_sizes(k: int, columns: Columns, weight: Array) -> list[Cut]:
+    """Cuts between sizes of a catalogue that a mixture of designs of drive ``k`` mixes."""
+    cuts: list[Cut] = []
+    for axis in (3, 4):
+        areas = columns.place[:, axis]
+        mean = float(weight @ areas)
+        low = areas < mean
+        share = float(min(weight[low].sum(), weight[~low].sum()))
+        if share > PART:
+            cuts.append((share * float(np.ptp(areas)) / mean, k, axis, mean))
+    return cuts
+
+
+def _between_strokes(
+    k: int, columns: Columns, weight: Array, multipliers: Multipliers
+) -> list[Cut]:
+    """A cut between strokes of the drawing's grid that a mixture of designs of drive ``k`` mixes.
+
+    It gains the oil by which the least stroke on the grid above the mean exceeds that.
+    """
+    built, mean = columns.oil[:, 0] / columns.place[:, 3], weight @ columns.place[:, 3:]
+    middle = float(weight @ built)
+    above, below = built[built > middle + LEAST], built[built < middle - LEAST]
+    if min(len(above), len(below)) == 0:
+        return []
+    place = (above.min() + below.max()) / 2
+    return [(float(multipliers.oil @ mean) * (above.min() - middle), k, STROKE, float(place))]
+
+
 def _columns(k: int, drive: JointDrive, places: Array) -> Columns:
-    """Columns of drive ``k`` at places (…, 5) of its region."""
+    """Columns of drive ``k`` at places (…, 5) of its region, on no grid."""
     flat = places.reshape(-1, 5)
-    return Columns(drive=np.full(len(flat), k), place=flat, volume=drive.volume(flat))
+    volume = drive.volume(flat)
+    return Columns(drive=np.full(len(flat), k), place=flat, volume=volume, oil=volume)
 
 
 def _part(region: Region, k: int, axis: int, place: float, upper: bool, enough: float) -> Region:
@@ -162,9 +205,13 @@ def _part(region: Region, k: int, axis: int, place: float, upper: bool, enough: 
     design with which the search goes on.
     """
     assert region.multipliers is not None
-    low, high = region.dual.drives[k].region
-    (low if upper else high)[axis] = place
-    drive = region.dual.drives[k].within(low, high)
+    drive = region.dual.drives[k]
+    if axis == STROKE:
+        drive = drive.of_strokes(*((place, math.inf) if upper else (0.0, place)))
+    else:
+        low, high = drive.region
+        (low if upper else high)[axis] = place
+        drive = drive.within(low, high)
     dual = region.dual.within(k, drive, region.multipliers)
     tolerance = float(np.clip(0.2 * (region.bound - enough), FINE, COARSE))
     maxima = list(region.maxima)
