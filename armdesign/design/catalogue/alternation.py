@@ -34,6 +34,8 @@ MOST_DRAWN = 6  # combinations of sizes that are drawn
 TURNS = 5  # of choosing sizes for pins and pins for sizes
 # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 BORES, RODS = 2, 2
+FAR = 0.5  # how far entries of x follow a size in what it promises,
+UNFORESEEN = 0.02  # of today's lowest ω²: what it may reach beyond that
 
 # bore and rod [m] of each cylinder; None where any size may be
 ChosenSizes: TypeAlias = tuple[tuple[float, float] | None, ...]
@@ -245,10 +247,25 @@ def _largest_first(search: Search) -> list[int]:
     return sorted(range(len(oil)), key=lambda i: -oil[i])
 
 
-def _best_near_size(search: Search, i: int, sizes: Sizes) -> Search:
-    """The best of the sizes near a cylinder's, each tried while the rest follows."""
-    tried = [_roughly(_with_size(search, i, size)) for size in _near_sizes(search, i, sizes)]
-    return max(tried, key=lambda one: (one.violation <= NEARLY, one.merit))
+def _best_near_size(
+    search: Search, i: int, sizes: Sizes, known: Search | None = None
+) -> Search:
+    """The best of the sizes near a cylinder's, each tried while the rest follows, and of ``known``.
+
+    The first to be tried is what promises most to first order; what promises less than is reached
+    by then is left.
+    """
+    promised, best = search.foreseen_merit(reach=FAR), known
+    near = [_with_size(search, i, size) for size in _near_sizes(search, i, sizes)]
+    promises = [promised(one.x, np.equal(*one.bounds)) for one in near]
+    for k in np.argsort(promises)[::-1]:
+        if best and best.violation <= NEARLY and promises[k] + UNFORESEEN < best.merit:
+            break
+        if known is None or near[k].problem.sizes != known.problem.sizes:
+            tried = _roughly(near[k])
+            best = max(best or tried, tried, key=lambda one: (one.violation <= NEARLY, one.merit))
+    assert best  # there is a size to try
+    return best
 
 
 def _near_sizes(search: Search, i: int, sizes: Sizes) -> Sizes:
@@ -283,8 +300,8 @@ def _one_by_one(search: Search, sizes: Sizes, tried: Tried) -> Search:
     for _ in range(TURNS):
         before = search.problem.sizes
         for i in _largest_first(search):
-            other = _best_near_size(_roughly(_with_size(search, i, None)), i, sizes)
-            if other.problem.sizes != search.problem.sizes:
+            free = _roughly(_with_size(search, i, None))
+            if (other := _best_near_size(free, i, sizes, search)) is not search:
                 search = max(search, tried.to_end(other, trust=0.05), key=lambda one: one.rank)
         if search.problem.sizes == before:
             break
