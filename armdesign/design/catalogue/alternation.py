@@ -255,14 +255,16 @@ def _best_near_size(
     The first to be tried is what promises most to first order; what promises less than is reached
     by then is left.
     """
-    promised, best = search.foreseen_merit(reach=FAR), known
+    foreseen, best = search.foreseen(reach=FAR), known
     near = [_with_size(search, i, size) for size in _near_sizes(search, i, sizes)]
-    promises = [promised(one.x, np.equal(*one.bounds)) for one in near]
-    for k in np.argsort(promises)[::-1]:
-        if best and best.violation <= NEARLY and promises[k] + UNFORESEEN < best.merit:
+    promised = [foreseen(one.x, np.equal(*one.bounds)) for one in near]
+    for k in np.argsort([-merit for merit, _ in promised]):
+        merit, x = promised[k]
+        if best and best.violation <= NEARLY and merit + UNFORESEEN < best.merit:
             break
         if known is None or near[k].problem.sizes != known.problem.sizes:
-            tried = _roughly(near[k])
+            x = np.clip(x, *near[k].bounds)
+            tried = _roughly(near[k].of(near[k].problem, x) if near[k].problem.vector.closes(x) else near[k])
             best = max(best or tried, tried, key=lambda one: (one.violation <= NEARLY, one.merit))
     assert best  # there is a size to try
     return best
@@ -288,7 +290,8 @@ def _with_size(search: Search, i: int, size: tuple[float, float] | None) -> Sear
     """A search from where another stands, with another size of one cylinder; any if None."""
     chosen = list(search.problem.sizes or [None] * len(search.problem.machine.cylinders))
     chosen[i] = size
-    return _search_with(search.problem, search.x, tuple(chosen))
+    problem = replace(search.problem, sizes=tuple(chosen))
+    return search.of(problem, np.clip(search.x, *problem.bounds))
 
 
 def _roughly(search: Search) -> Search:

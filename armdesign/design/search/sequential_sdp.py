@@ -117,8 +117,15 @@ class Search:
 
     @np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
     def run(self, trust: float, tolerance: float = 1e-5, looks: int = 8) -> Search:
-        """Improve ``x`` until a step promises less than ``tolerance`` on the whole workspace."""
-        self.look()
+        """Improve ``x`` until a step promises less than ``tolerance`` on the whole workspace.
+
+        It begins with the rows that are watched already, if any are.
+        """
+        if len(self.rows) > 0:
+            self.limits = constraints_at(self.problem, self.x, self.holding)
+            self.squared = float(self.problem.dynamics.omega_squared(self.x, self.rows).min())
+        else:
+            self.look()
         for _ in range(looks):
             # prices keep pace with what is gained
             self.reference = max(self.problem.dynamics.omega_squared_scale, self.squared)
@@ -210,25 +217,25 @@ class Search:
                 distance = np.minimum(distance, near)
         return self.rows[chosen]
 
-    def foreseen_merit(self, reach: float = AHEAD) -> Callable[[Array, Flags], float]:
-        """Function of a design and its ``given`` entries: the merit that one step to them promises.
+    def foreseen(self, reach: float = AHEAD) -> Callable[[Array, Flags], tuple[float, Array]]:
+        """Function of a design and its ``given`` entries: the merit of the best step to them.
 
-        The other entries follow, each as far as ``reach``.
+        And the design that it leads to: the other entries follow, each as far as ``reach``.
         """
         trial = self.trial()
         near = box_around(self.x, self.bounds, reach)
         model = self.linearised(trial, self.active(trial.squared), near)
         share = self.reference / self.problem.dynamics.omega_squared_scale
 
-        def foreseen(x: Array, given: Flags) -> float:
-            box = tuple(np.where(given, x - self.x, end) for end in near)
+        def of(x: Array, given: Flags) -> tuple[float, Array]:
+            low, high = (np.where(given, x - self.x, end) for end in near)
             try:
-                step = replace(model, **self._limits(trial, box)).solve(box)
+                step = replace(model, **self._limits(trial, (low, high))).solve((low, high))
             except InfeasibleError:  # the solver gave up
-                return -math.inf
-            return share * step.value - PENALTY * step.violation
+                return -math.inf, x
+            return share * step.value - PENALTY * step.violation, self.x + step.change
 
-        return foreseen
+        return of
 
     def _improve(self, trust: float, tolerance: float) -> None:
         """Take ``x`` along steps by the watched rows, as long as they promise the tolerance."""
