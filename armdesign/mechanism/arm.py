@@ -398,6 +398,17 @@ def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, 
     return inertia, gravity, slope
 
 
+def of_bar(ends: tuple[VectorJet, VectorJet]) -> tuple[Array, Array, Array]:
+    """M, g and ∂g/∂q of a kilogram in a uniform slender bar between two points.
+
+    The sums over ``points_of_bar``: with J and K of its ends M = (JᵀJ + KᵀK + (J + K)ᵀ(J + K))/6.
+    """
+    both = ends[0] + ends[1]
+    parts = (jet.first @ np.swapaxes(jet.first, 1, 2) for jet in (*ends, both))
+    gravity, slope = both.first[:, :, 2], both.second[:, :, :, 2]
+    return sum(parts) / 6, GRAVITY / 2 * gravity, GRAVITY / 2 * slope
+
+
 def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:
     """Three point masses that move, weigh and store like a uniform slender bar between two points.
 
