@@ -105,9 +105,19 @@ class MovingMasses:
         self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses
     ) -> InertiaAndGravity:
         """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""
-        parts = [self.units_of(i, linkages[i], closed[i], rigid) for i in self.bars]
+        parts = []
+        for i in self.bars:  # each once wherever all that carries it stands alike
+            few, back = rigid.distinct(*self._carrying(linkages[i]))
+            parts.append([of_few[:, back] for of_few in self.units_of(i, linkages[i], closed[i], few)])
         mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
         return mass, gravity, slope
+
+    def _carrying(self, linkage: Linkage) -> list[int]:
+        """Joints between the root and the pins of a linkage."""
+        arm = self.machine.arm
+        paths = (arm.path(arm.root, pin.link) for pin in linkage.pins)
+        between = {j for path in paths for j, _ in path}
+        return sorted(j for j in between if j < len(self.machine.joints))  # springs do not move
 
     def units_of(
         self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses
