@@ -247,24 +247,20 @@ def _largest_first(search: Search) -> list[int]:
     return sorted(range(len(oil)), key=lambda i: -oil[i])
 
 
-def _best_near_size(
-    search: Search, i: int, sizes: Sizes, known: Search | None = None
-) -> Search:
-    """The best of the sizes near a cylinder's, each tried while the rest follows, and of ``known``.
+def _best_near_size(search: Search, i: int, sizes: Sizes, known: Search | None = None) -> Search:
+    """The best of ``known`` and of the sizes near a cylinder's, tried while the rest follows.
 
     The first to be tried is what promises most to first order; what promises less than is reached
     by then is left.
     """
-    foreseen, best = search.foreseen(reach=FAR), known
+    foreseen, best = search.foreseen_merit(reach=FAR), known
     near = [_with_size(search, i, size) for size in _near_sizes(search, i, sizes)]
     promised = [foreseen(one.x, np.equal(*one.bounds)) for one in near]
-    for k in np.argsort([-merit for merit, _ in promised]):
-        merit, x = promised[k]
-        if best and best.violation <= NEARLY and merit + UNFORESEEN < best.merit:
+    for k in np.argsort(promised)[::-1]:
+        if best and best.violation <= NEARLY and promised[k] + UNFORESEEN < best.merit:
             break
         if known is None or near[k].problem.sizes != known.problem.sizes:
-            x = np.clip(x, *near[k].bounds)
-            tried = _roughly(near[k].of(near[k].problem, x) if near[k].problem.vector.closes(x) else near[k])
+            tried = _roughly(near[k])
             best = max(best or tried, tried, key=lambda one: (one.violation <= NEARLY, one.merit))
     assert best  # there is a size to try
     return best

@@ -201,9 +201,9 @@ class SteppedDesign:
         return actuation, dict(zip(moves, slopes, strict=True))
 
     def _stepped_by_row(self, i: int, entries: Sequence[int], count: int) -> Linkage:
-        """The linkage of cylinder ``i``, in ``count`` rows for each of the entries stepped along it.
+        """The linkage of cylinder ``i``, stepped along each of the entries that move its places.
 
-        The entries move places of it.
+        In ``count`` rows for each.
         """
         linkage, moves = self.linkages[i], self.vector.moves(i)
         for place in {place for place, _ in moves.values()}:

@@ -108,7 +108,8 @@ class MovingMasses:
         parts = []
         for i in self.bars:  # each once wherever all that carries it stands alike
             few, back = rigid.distinct(*self._carrying(linkages[i]))
-            parts.append([of_few[:, back] for of_few in self.units_of(i, linkages[i], closed[i], few)])
+            units = self.units_of(i, linkages[i], closed[i], few)
+            parts.append([unit[:, back] for unit in units])
         mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
         return mass, gravity, slope
 

@@ -8,13 +8,15 @@ arm has a dead centre or nearly so.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.program.problem import Problem
 
 LINKAGES = 4096  # linkages, evenly over their box
-AT_A_TIME = 256
+AT_A_TIME = 256  # of them, which stay in a cache
 LEAST = 0.5  # of today's smallest arm, of linkages that count
 PLACES = 10  # steps between poses of the joint's range where shapes are compared
 
@@ -30,8 +32,9 @@ def linkages_of_every_shape(problem: Problem, i: int, count: int) -> list[Array]
 
     entries = np.array(list(problem.vector.moves(i)))
     low, high = (end[entries] for end in problem.bounds)
+    shares = qmc.Sobol(len(entries), scramble=False).random(LINKAGES)
     drawn = np.tile(problem.vector.start, (LINKAGES, 1))
-    drawn[:, entries] = low + qmc.Sobol(len(entries), scramble=False).random(LINKAGES) * (high - low)
+    drawn[:, entries] = low + shares * (high - low)
     parts = np.array_split(drawn, LINKAGES // AT_A_TIME)
     arms = np.concatenate([_moment_arms(problem, i, part) for part in parts])
     today = problem.vector.arms_today[i]
@@ -58,7 +61,9 @@ def _moment_arms(problem: Problem, i: int, designs: Array) -> Array:
     poses = vector.range_poses[i]
     assert poses is not None
     rows, moves = np.repeat(designs, len(poses), axis=0), vector.moves(i)
-    places = {name: [*(linkage.place(name) or ())] for name, _ in moves.values()}
+    places: dict[str, list[Any]] = {
+        name: [*(linkage.place(name) or ())] for name, _ in moves.values()
+    }
     for entry, (name, axis) in moves.items():
         places[name][axis] = places[name][axis] + rows[:, entry] * vector.pin_box
     for name, at in places.items():

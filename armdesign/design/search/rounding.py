@@ -190,13 +190,13 @@ def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Arr
     """
     problem, (options, _) = search.problem, _options(search)
     entries = ~problem.vector.is_coordinate
-    promise, designs = search.foreseen(), {}
+    merit, designs = search.foreseen_merit(), {}
     merits: dict[SizesInRow, float] = {}
 
     def foreseen(sizes: SizesInRow) -> float:
         if sizes not in merits:
             designs[sizes] = _with_sizes(problem, search.x, _resized(problem.machine, sizes))
-            merits[sizes], _ = promise(designs[sizes], entries)
+            merits[sizes] = merit(designs[sizes], entries)
         return merits[sizes]
 
     best, before = _nearest_sizes(search, 1)[0], None

@@ -217,25 +217,25 @@ class Search:
                 distance = np.minimum(distance, near)
         return self.rows[chosen]
 
-    def foreseen(self, reach: float = AHEAD) -> Callable[[Array, Flags], tuple[float, Array]]:
-        """Function of a design and its ``given`` entries: the merit of the best step to them.
+    def foreseen_merit(self, reach: float = AHEAD) -> Callable[[Array, Flags], float]:
+        """Function of a design and its ``given`` entries: the merit promised by one step there.
 
-        And the design that it leads to: the other entries follow, each as far as ``reach``.
+        The other entries follow, each as far as ``reach``.
         """
         trial = self.trial()
         near = box_around(self.x, self.bounds, reach)
         model = self.linearised(trial, self.active(trial.squared), near)
         share = self.reference / self.problem.dynamics.omega_squared_scale
 
-        def of(x: Array, given: Flags) -> tuple[float, Array]:
+        def foreseen(x: Array, given: Flags) -> float:
             low, high = (np.where(given, x - self.x, end) for end in near)
             try:
                 step = replace(model, **self._limits(trial, (low, high))).solve((low, high))
             except InfeasibleError:  # the solver gave up
-                return -math.inf, x
-            return share * step.value - PENALTY * step.violation, self.x + step.change
+                return -math.inf
+            return share * step.value - PENALTY * step.violation
 
-        return of
+        return foreseen
 
     def _improve(self, trust: float, tolerance: float) -> None:
         """Take ``x`` along steps by the watched rows, as long as they promise the tolerance."""
