@@ -190,7 +190,7 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
         for x in linkages_of_every_shape(problem, i, ARM_SHAPES)
     ]
     while starts:
-        rough = [best.of(problem, _with(best.x, x, entries)) for entries, x in starts]
+        rough = [Search(problem=problem, x=_with(best.x, x, entries)) for entries, x in starts]
         other = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
         if other.merit > best.merit + LEAST_GAIN:
             other = follow(other, curved=True, **TO_THE_END)

@@ -117,15 +117,8 @@ class Search:
 
     @np.errstate(invalid="ignore", divide="ignore")  # a dead centre on the way is no better
     def run(self, trust: float, tolerance: float = 1e-5, looks: int = 8) -> Search:
-        """Improve ``x`` until a step promises less than ``tolerance`` on the whole workspace.
-
-        It begins with the rows that are watched already, if any are.
-        """
-        if len(self.rows) > 0:
-            self.limits = constraints_at(self.problem, self.x, self.holding)
-            self.squared = float(self.problem.dynamics.omega_squared(self.x, self.rows).min())
-        else:
-            self.look()
+        """Improve ``x`` until a step promises less than ``tolerance`` on the whole workspace."""
+        self.look()
         for _ in range(looks):
             # prices keep pace with what is gained
             self.reference = max(self.problem.dynamics.omega_squared_scale, self.squared)
