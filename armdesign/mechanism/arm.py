@@ -52,20 +52,24 @@ class RigidPoses:
         """The poses ``rows`` selects (slice, mask or indices)."""
         return RigidPoses(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
-    def distinct(self, joint: int) -> tuple[RigidPoses, Array | slice]:
-        """Poses with each value of a joint once, and for every pose the index of its value there.
+    def distinct(self, *joints: int) -> tuple[RigidPoses, Array | slice]:
+        """Poses with all values of some joints once, and for every pose the index of its values.
 
-        The poses themselves where few values occur twice. Worked out once for a joint.
+        The poses themselves where few values occur twice. Worked out once for the same joints.
         """
-        if joint not in self._distinct:
-            _, first, back = np.unique(self.q[:, joint], return_index=True, return_inverse=True)
+        if joints not in self._distinct:
+            number = np.zeros(len(self), dtype=int)
+            for joint in joints:
+                values, own = np.unique(self.q[:, joint], return_inverse=True)
+                _, number = np.unique(number * len(values) + own, return_inverse=True)
+            _, first, back = np.unique(number, return_index=True, return_inverse=True)
             few = 2 * len(first) < len(self)
             # not the poses themselves: they would wait for the collector of cycles
-            self._distinct[joint] = (self[first], back) if few else None
-        return self._distinct[joint] or (self, slice(None))
+            self._distinct[joints] = (self[first], back) if few else None
+        return self._distinct[joints] or (self, slice(None))
 
     @cached_property
-    def _distinct(self) -> dict[int, tuple[RigidPoses, Array] | None]:
+    def _distinct(self) -> dict[tuple[int, ...], tuple[RigidPoses, Array] | None]:
         return {}
 
 
@@ -410,6 +414,17 @@ def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, 
         gravity = gravity + m[..., 0] * GRAVITY * p.first[:, :, 2]
         slope = slope + m * GRAVITY * p.second[:, :, :, 2]
     return inertia, gravity, slope
+
+
+def of_bar(ends: tuple[VectorJet, VectorJet]) -> tuple[Array, Array, Array]:
+    """M, g and ∂g/∂q of a kilogram in a uniform slender bar between two points.
+
+    The sums over ``points_of_bar``: with J and K of its ends M = (JᵀJ + KᵀK + (J + K)ᵀ(J + K))/6.
+    """
+    both = ends[0] + ends[1]
+    parts = (jet.first @ np.swapaxes(jet.first, 1, 2) for jet in (*ends, both))
+    gravity, slope = both.first[:, :, 2], both.second[:, :, :, 2]
+    return sum(parts) / 6, GRAVITY / 2 * gravity, GRAVITY / 2 * slope
 
 
 def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:

@@ -263,10 +263,9 @@ def allowed_sizes(
     cylinders = []
     for i, old in enumerate(today.cylinders):
         now = placed.cylinders[i]
+        old = replace(old, stroke=now.stroke, closed_length=now.closed_length)
         pairs = offered(old, sizes, *free[i]) if free else sizes
-        others = (sized(old, *pair, proportional) for pair in pairs)
-        stroke, closed = now.stroke, now.closed_length
-        cylinders.append([replace(one, stroke=stroke, closed_length=closed) for one in others])
+        cylinders.append([sized(old, *pair, proportional) for pair in pairs])
     return _allowed(judge, cylinders)
 
 

@@ -159,7 +159,9 @@ class Dynamics:
         poses, back = np.unique(rows.pose[chosen], return_inverse=True)
         linkages, closed = self.vector.linkages(x), self.vector.strokes(x)[0]
         if self.vector.moving:
-            units = moving.units(linkages, closed, self.workspace.rigid[poses])
+            rigid = self.workspace.rigid
+            watched = rigid if len(poses) == len(rigid) else self._watched(poses)
+            units = moving.units(linkages, closed, watched)
         else:
             mass, gravity, slope = self._unit_masses_today
             units = mass[:, poses], gravity[:, poses], slope[:, poses]

@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Numbers
 from armdesign.design.program.design_vector import DesignVector, Geometry
-from armdesign.design.program.moving_masses import InertiaAndGravity, summed
+from armdesign.design.program.moving_masses import InertiaAndGravity, summed, summed_by_row
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -157,16 +157,32 @@ class SteppedDesign:
         units = moving.units(linkages, closed[0].real, rigid)
         total = summed(masses, units)
         for i in moving.bars:
-            own = moving.rows(i)
-            for index in self.vector.moves(i):
-                linkage, length = self._stepped_linkage(i, index), closed[index, i]
-                moved = moving.masses_of(i, self.areas[index, i], length, linkage)
-                after = summed(moved, moving.units_of(i, linkage, length, rigid))
-                unmoved = units[0][own], units[1][own], units[2][own]
-                before = summed(masses[index, own], unmoved)
-                for part, new, old in zip(total, after, before, strict=True):
-                    part[index] += new - old
+            own, entries = moving.rows(i), list(self.vector.moves(i))
+            if not entries:
+                continue
+            unmoved = units[0][own], units[1][own], units[2][own]
+            before = summed(masses[entries, own], unmoved)
+            after = self._moved_mass_terms(i, entries, rigid)
+            for part, new, old in zip(total, after, before, strict=True):
+                part[entries] += new.reshape(old.shape) - old
         return total
+
+    def _moved_mass_terms(
+        self, i: int, entries: Sequence[int], rigid: RigidPoses
+    ) -> InertiaAndGravity:
+        """M, g and ∂g/∂q of the bars of cylinder ``i``, stepped along entries that move a place.
+
+        All entries at once: as many rows (k·n, …) as there are poses for each of k.
+        """
+        moving, count = self.vector.moving_masses, len(rigid)
+        assert moving is not None
+        areas, closed = (
+            np.repeat(part[entries, i], count, axis=0) for part in (self.areas, self.closed)
+        )
+        linkage = self._stepped_by_row(i, entries, count)
+        rows = rigid[np.tile(np.arange(count), len(entries))]
+        moved = moving.masses_of(i, areas, closed, linkage)
+        return summed_by_row(moved, moving.units_of(i, linkage, closed, rows))
 
     def _pin_step(self, slope: Numbers = 1.0) -> Numbers:
         """What a quantity of this slope by a coordinate of a pin gains by the complex step."""
@@ -184,9 +200,14 @@ class SteppedDesign:
         actuation, slopes = self.linkages[i].sensitivities(poses, list(moves.values()))
         return actuation, dict(zip(moves, slopes, strict=True))
 
-    def _stepped_linkage(self, i: int, index: int) -> Linkage:
-        """The linkage of cylinder ``i``, stepped along the entry of x that moves a place of it."""
-        place, axis = self.vector.moves(i)[index]
-        at = [complex(value) for value in self.linkages[i].place(place) or ()]
-        at[axis] += self._pin_step()
-        return self.linkages[i].with_place(place, at)  # type: ignore[arg-type]
+    def _stepped_by_row(self, i: int, entries: Sequence[int], count: int) -> Linkage:
+        """The linkage of cylinder ``i``, stepped along each of the entries that move its places.
+
+        In ``count`` rows for each.
+        """
+        linkage, moves = self.linkages[i], self.vector.moves(i)
+        for place in {place for place, _ in moves.values()}:
+            at = self.place(i, place)
+            assert at is not None
+            linkage = linkage.with_place(place, list(np.repeat(at[entries], count, axis=0).T))
+        return linkage

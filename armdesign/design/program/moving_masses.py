@@ -17,7 +17,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses, of_points, points_of_bar
+from armdesign.mechanism.arm import RigidPoses, of_bar
 from armdesign.mechanism.linkage.base import Linkage
 
 InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
@@ -105,16 +105,27 @@ class MovingMasses:
         self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses
     ) -> InertiaAndGravity:
         """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""
-        parts = [self.units_of(i, linkages[i], closed[i], rigid) for i in self.bars]
+        parts = []
+        for i in self.bars:  # each once wherever all that carries it stands alike
+            few, back = rigid.distinct(*self._carrying(linkages[i]))
+            units = self.units_of(i, linkages[i], closed[i], few)
+            parts.append([unit[:, back] for unit in units])
         mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
         return mass, gravity, slope
+
+    def _carrying(self, linkage: Linkage) -> list[int]:
+        """Joints between the root and the pins of a linkage."""
+        arm = self.machine.arm
+        paths = (arm.path(arm.root, pin.link) for pin in linkage.pins)
+        between = {j for path in paths for j, _ in path}
+        return sorted(j for j in between if j < len(self.machine.joints))  # springs do not move
 
     def units_of(
         self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses
     ) -> InertiaAndGravity:
         """M, g and ∂g/∂q of a kilogram of each bar of one cylinder (k, n, …)."""
         ends = linkage.bars(rigid, closed)
-        parts = [of_points(points_of_bar(1.0, ends[name])) for name in self.bars[i]]
+        parts = [of_bar(ends[name]) for name in self.bars[i]]
         mass, gravity, slope = (np.stack(part) for part in zip(*parts, strict=True))
         return mass, gravity, slope
 
@@ -122,4 +133,10 @@ class MovingMasses:
 def summed(masses: Array, units: InertiaAndGravity) -> InertiaAndGravity:
     """M, g and ∂g/∂q of bars (…, n, …) of masses (…, k), from terms of a kilogram of each."""
     mass, gravity, slope = (np.tensordot(masses, unit, axes=1) for unit in units)
+    return mass, gravity, slope
+
+
+def summed_by_row(masses: Array, units: InertiaAndGravity) -> InertiaAndGravity:
+    """``summed`` where masses (n, k) differ row by row."""
+    mass, gravity, slope = (np.einsum("nk,kn...->n...", masses, unit) for unit in units)
     return mass, gravity, slope

@@ -8,12 +8,15 @@ arm has a dead centre or nearly so.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.program.problem import Problem
 
 LINKAGES = 4096  # linkages, evenly over their box
+AT_A_TIME = 256  # of them, which stay in a cache
 LEAST = 0.5  # of today's smallest arm, of linkages that count
 PLACES = 10  # steps between poses of the joint's range where shapes are compared
 
@@ -29,15 +32,17 @@ def linkages_of_every_shape(problem: Problem, i: int, count: int) -> list[Array]
 
     entries = np.array(list(problem.vector.moves(i)))
     low, high = (end[entries] for end in problem.bounds)
-    designs, arms = [problem.vector.start], [problem.vector.arms_today[i]]
-    for share in qmc.Sobol(len(entries), scramble=False).random(LINKAGES):
-        x = problem.vector.start.copy()
-        x[entries] = low + share * (high - low)
-        arm = _moment_arm(problem, i, x)
-        if np.all(arm / np.sign(arms[0]) >= LEAST * np.abs(arms[0]).min()):  # NaN: does not close
-            designs.append(x)
-            arms.append(arm)
-    shape = np.log(np.abs(np.stack(arms)[:, :: max(1, len(arms[0]) // PLACES)]))
+    shares = qmc.Sobol(len(entries), scramble=False).random(LINKAGES)
+    drawn = np.tile(problem.vector.start, (LINKAGES, 1))
+    drawn[:, entries] = low + shares * (high - low)
+    parts = np.array_split(drawn, LINKAGES // AT_A_TIME)
+    arms = np.concatenate([_moment_arms(problem, i, part) for part in parts])
+    today = problem.vector.arms_today[i]
+    least = LEAST * np.abs(today).min()
+    enough = np.all(arms / np.sign(today) >= least, axis=1)  # NaN: does not close
+    designs = np.vstack([problem.vector.start, drawn[enough]])
+    arms = np.vstack([today, arms[enough]])
+    shape = np.log(np.abs(arms[:, :: max(1, len(today) // PLACES)]))
     shape -= shape.mean(axis=1, keepdims=True)
     chosen, distance = [0], np.full(len(shape), np.inf)
     while len(chosen) <= min(count, len(shape) - 1):
@@ -47,8 +52,21 @@ def linkages_of_every_shape(problem: Problem, i: int, count: int) -> list[Array]
 
 
 @np.errstate(invalid="ignore", divide="ignore")
-def _moment_arm(problem: Problem, i: int, x: Array) -> Array:
-    """Moment arm over the joint's range [m/rad]; NaN where the linkage does not close."""
-    linkage, poses = problem.vector.linkages(x)[i], problem.vector.range_poses[i]
+def _moment_arms(problem: Problem, i: int, designs: Array) -> Array:
+    """Moment arms (m, k) over the joint's range [m/rad] of designs (m, nx).
+
+    NaN where the linkage does not close.
+    """
+    vector, linkage = problem.vector, problem.machine.linkages[i]
+    poses = vector.range_poses[i]
     assert poses is not None
-    return linkage.actuation(poses).moment_arm[:, linkage.joints[0]]
+    rows, moves = np.repeat(designs, len(poses), axis=0), vector.moves(i)
+    places: dict[str, list[Any]] = {
+        name: [*(linkage.place(name) or ())] for name, _ in moves.values()
+    }
+    for entry, (name, axis) in moves.items():
+        places[name][axis] = places[name][axis] + rows[:, entry] * vector.pin_box
+    for name, at in places.items():
+        linkage = linkage.with_place(name, at)
+    span = linkage.span(poses[np.tile(np.arange(len(poses)), len(designs))])
+    return span.dot(span).sqrt().first[:, 0].reshape(len(designs), -1)

@@ -189,14 +189,14 @@ def _promising(search: Search) -> list[tuple[SizesInRow, Array, tuple[Array, Arr
     moves.
     """
     problem, (options, _) = search.problem, _options(search)
-    entries = slice(0, problem.vector.areas_today.size)
-    merit, designs = search.foreseen_merit(entries), {}
+    entries = ~problem.vector.is_coordinate
+    merit, designs = search.foreseen_merit(), {}
     merits: dict[SizesInRow, float] = {}
 
     def foreseen(sizes: SizesInRow) -> float:
         if sizes not in merits:
             designs[sizes] = _with_sizes(problem, search.x, _resized(problem.machine, sizes))
-            merits[sizes] = merit(designs[sizes])
+            merits[sizes] = merit(designs[sizes], entries)
         return merits[sizes]
 
     best, before = _nearest_sizes(search, 1)[0], None

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.design.program.constraints import Constraints, constraints_at, holding_rows
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import ProgrammeStep, padded, programme
@@ -180,12 +180,19 @@ class Search:
 
     def linearised(self, trial: Trial, rows: Array, box: Box) -> Linearised:
         """Stiffness of rows near a trial, and the limits that a step in the box could reach."""
-        at, squared = trial.limits, float(trial.squared.min())
+        squared = float(trial.squared.min())
         matrices = self.problem.dynamics.scaled_stiffness_and_gradient(trial.x, rows, squared)
         base, slopes = (part / self.reference for part in matrices)
+        return Linearised(rows, base, slopes, **self._limits(trial, box))
+
+    def _limits(self, trial: Trial, box: Box) -> dict[str, Array]:
+        """The limits of a trial that a step in the box could reach, as ``Linearised`` has them."""
+        at = trial.limits
         kept = _nearest_limits(at, box, LIMITS)
-        limits = padded(*(self.strictness * part[kept] for part in (at.values, at.jacobian)))
-        return Linearised(rows, base, slopes, kept, *limits)
+        value, jacobian = padded(
+            *(self.strictness * part[kept] for part in (at.values, at.jacobian))
+        )
+        return {"kept": kept, "value": value, "jacobian": jacobian}
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest and those that spoilt a step, no two alike."""
@@ -203,19 +210,23 @@ class Search:
                 distance = np.minimum(distance, near)
         return self.rows[chosen]
 
-    def foreseen_merit(self, given: slice) -> Callable[[Array], float]:
-        """Function of a design: the merit that one step to its ``given`` entries promises."""
-        trial = self.trial()
-        low, high = box_around(self.x, self.bounds, AHEAD)
-        model = self.linearised(trial, self.active(trial.squared), (low, high))
+    def foreseen_merit(self, reach: float = AHEAD) -> Callable[[Array, Flags], float]:
+        """Function of a design and its ``given`` entries: the merit promised by one step there.
 
-        def foreseen(x: Array) -> float:
-            low[given] = high[given] = (x - self.x)[given]
+        The other entries follow, each as far as ``reach``.
+        """
+        trial = self.trial()
+        near = box_around(self.x, self.bounds, reach)
+        model = self.linearised(trial, self.active(trial.squared), near)
+        share = self.reference / self.problem.dynamics.omega_squared_scale
+
+        def foreseen(x: Array, given: Flags) -> float:
+            low, high = (np.where(given, x - self.x, end) for end in near)
             try:
-                step = model.solve((low, high))
+                step = replace(model, **self._limits(trial, (low, high))).solve((low, high))
             except InfeasibleError:  # the solver gave up
                 return -math.inf
-            return step.value - PENALTY * step.violation
+            return share * step.value - PENALTY * step.violation
 
         return foreseen
 

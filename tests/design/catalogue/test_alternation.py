@@ -12,16 +12,22 @@ import pytest
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
 from armdesign.arrays import Array
+from armdesign.design.catalogue.alternation import (
+    _best_near_size,
+    _near_sizes,
+    _roughly,
+    _with_size,
+)
 from armdesign.design.catalogue.separable import allowed_sizes
 from armdesign.design.catalogue.sizes import sized, sizes_of
 from armdesign.design.requirements.check import slacks, static_loads
-from armdesign.design.search.sequential_sdp import Search
+from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.errors import InfeasibleError
 from armdesign.frequency.modes import hertz
 from armdesign.inspection.inspection import inspect
 from armdesign.units import mm
 from tests.design.catalogue.enumeration import AROUND
-from tests.design.designs import any_lift_and_torque, double, workspace_of
+from tests.design.designs import any_lift_and_torque, double, problem_of, solved, workspace_of
 from tests.machines import named
 
 # ---------------------------------------------------------------------------------------- pins too
@@ -60,6 +66,20 @@ def test_no_size_of_one_cylinder_is_better() -> None:
                 tried += 1
                 assert hertz(search.squared) <= both.unrounded * (1 + 1e-4)
     assert tried >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("i", [0, 1])
+def test_the_size_that_promises_most_is_the_best_of_all_near_ones(i: int) -> None:
+    """As many searches as it takes to be sure, against one for each of the sizes."""
+    free, sizes = solved(problem_of("double"), 1e-5), sizes_of("5mm")
+    every = [_roughly(_with_size(free, i, size)) for size in _near_sizes(free, i, sizes)]
+    allowed = [one for one in every if one.violation <= NEARLY]
+    assert len(every) == 4
+    best = _best_near_size(free, i, sizes)
+    assert best.violation <= NEARLY
+    assert best.merit >= max(one.merit for one in allowed) - 1e-3
+    assert _best_near_size(free, i, sizes, best) is best  # nothing near is better
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 from armdesign import Workspace
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.arm_shapes import linkages_of_every_shape
+from armdesign.design.search.arm_shapes import _moment_arms, linkages_of_every_shape
 from armdesign.design.search.multistart import formulate
 from tests.machines import named
 
@@ -68,3 +68,17 @@ def test_every_shape_of_random_linkages_has_one_like_it() -> None:
 def test_the_same_shapes_whenever_asked() -> None:
     once, again = (linkages_of_every_shape(mini_with_linkages(), BUCKET, 5) for _ in range(2))
     np.testing.assert_array_equal(once, again)
+
+
+def test_arms_of_many_linkages_are_those_of_each() -> None:
+    """All at once as one after the other; those that do not close are not numbers in both."""
+    problem = mini_with_linkages()
+    entries = list(problem.vector.moves(BUCKET))
+    designs = np.tile(problem.vector.start, (30, 1))
+    designs[:, entries] += np.random.default_rng(3).uniform(-1, 1, (30, len(entries)))
+    arms = _moment_arms(problem, BUCKET, designs)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        each = [bucket_arm(problem, x) for x in designs]
+    assert np.isnan(arms).any()
+    assert np.isfinite(arms).any()
+    np.testing.assert_allclose(arms, each, rtol=1e-12)
