@@ -14,14 +14,15 @@ from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered, size_in_mm
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.file_changes import changes_of_sizes
-from armdesign.design.search.infeasibility.elastic_programme import ROUGH
-from armdesign.design.search.infeasibility.explanation import not_written
+from armdesign.design.search.infeasibility.elastic_programme import ROUGH, Groups
+from armdesign.design.search.infeasibility.explanation import Conflict, not_written
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
 from armdesign.design.search.rounding import (
     CheckedMachine,
     best_allowed,
+    inmost_machine,
     or_today,
     rounded_machine,
 )
@@ -85,14 +86,12 @@ def sizes_and_pins(
     seed: int,
     workers: int,
     start: tuple[Array, ChosenSizes] | None = None,
-    any_will_do: bool = False,
 ) -> tuple[Search, Starts, CheckedMachine | None]:
     """Sizes of a catalogue and the pins for them, with the machine on the drawing's grid, if any.
 
     Between them stands what each start came to with free sizes.
 
-    ``start`` is a design to begin with, and the sizes that it has of a catalogue. Where
-    ``any_will_do`` the first that can be drawn is taken, one that the whole search would find too.
+    ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
     Of the combinations of sizes that were tried, some leave little room for lengths on the
     drawing's grid: the one that is best when drawn is taken. Today's machine is the answer where
@@ -113,8 +112,6 @@ def sizes_and_pins(
     if best.violation <= MISSED:
         tried = Tried()
         first = _one_after_another(best, sizes, tried)
-        if any_will_do and tried.allowed and (machine := rounded_machine(first)):
-            return first, outcomes, machine
         _with_sizes(first, sizes, start, tried)
         if tried.allowed:
             sized, machine = _best_drawn(tried.allowed)
@@ -134,6 +131,34 @@ def sizes_and_pins(
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
     return nearest, outcomes, None
+
+
+def first_machine(nearest: Search, sizes: Sizes | None) -> tuple[Search, CheckedMachine] | None:
+    """A machine that meets all requirements near a search for which frequency does not count.
+
+    With sizes of a catalogue where there are some; None if none was found.
+    """
+    if nearest.violation > MISSED:
+        return None
+    if sizes is not None:
+        nearest = _missing_least(nearest, sizes)
+    machine = inmost_machine(nearest, any_will_do=True)
+    return machine and (nearest, machine)
+
+
+def refuse_conflict(nearest: Search, sizes: Sizes | None) -> None:
+    """Raise where requirements conflict near a search, whatever sizes are chosen.
+
+    Raises:
+        InfeasibleError: no design meets them; what they give is enough for sizes of a catalogue.
+    """
+    conflict = Conflict.near(nearest)
+    if not conflict.must_give:
+        return
+    if sizes is not None:
+        near = nearest.of(nearest.problem, conflict.x)
+        conflict = conflict.with_sizes(_missing_least(near, sizes, conflict.subsets))
+    raise conflict.error("no design meets")
 
 
 def _of_todays_pins(problem: Problem, sizes: Sizes) -> tuple[Search, CheckedMachine] | None:
@@ -200,21 +225,26 @@ def _with_sizes(
     return improve_in_turn(max(searches, key=lambda one: one.rank), sizes, tried)
 
 
-def _missing_least(search: Search, sizes: Sizes) -> Search:
+def _missing_least(search: Search, sizes: Sizes, groups: Groups | None = None) -> Search:
     """Sizes near a search's own, the largest cylinder first, that miss requirements least.
 
     Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
+    Groups of requirements give, all if None; the others are met before.
     """
     for i in _largest_first(search):
-        tried: list[tuple[float, Search, Array]] = []
+        best: tuple[float, Search, Array] | None = None
         for size in _near_sizes(search, i, sizes):
             other = _with_size(search, i, size)
             elastic = ConflictSearch(other.problem, other.x, search.holding)
-            solution = elastic.solve(elastic.roles([elastic.names]), ROUGH, starts=1)
-            tried.append((solution.cost, other, solution.x))
-        _, least, x = min(tried, key=lambda one: one[0])
-        search = least.at(x)
-    return search
+            roles = elastic.roles([elastic.names] if groups is None else groups)
+            solution = elastic.solve(roles, ROUGH, starts=1)
+            if best is None or solution.cost < best[0]:
+                best = solution.cost, other, solution.x
+            if solution.met:
+                break
+        assert best is not None
+        search = best[1].of(best[1].problem, best[2])
+    return search.look()
 
 
 def improve_in_turn(search: Search, sizes: Sizes, tried: Tried | None = None) -> Search:

@@ -8,8 +8,8 @@ relaxed a little more.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -41,6 +41,7 @@ GRANTS = 5  # refusals in a row that are granted, all that they ask for
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
 
 T = TypeVar("T")
+Subsets: TypeAlias = tuple[tuple[str, ...], ...]
 
 
 def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], catalogue: bool) -> T:
@@ -123,7 +124,7 @@ def require_feasible(search: Search) -> Search:
     search = restore_feasibility(search)
     if search.violation <= MISSED:
         return search
-    conflict = _Conflict.near(search, TIGHTENED_BY[0] if search.problem.vector.moving else 0.0)
+    conflict = Conflict.near(search)
     if conflict.must_give:
         raise conflict.error("no design meets")
     return run_from_feasible(search, conflict.x)
@@ -132,7 +133,7 @@ def require_feasible(search: Search) -> Search:
 def not_written(search: Search) -> InfeasibleError:
     """The error where designs meet all requirements, but none was found that can be written."""
     for share in TIGHTENED_BY if search.problem.vector.moving else ():
-        conflict = _Conflict.near(search, share)
+        conflict = Conflict.near(search, share)
         if conflict.must_give:
             return conflict.error(f"no sizes and pins {_grid(search.problem)} meet")
     missed = nearest_misses(search)
@@ -148,29 +149,39 @@ def _grid(problem: Problem) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Conflict:
-    """Conflicts near a search, and the least relaxation that a local search finds, if any."""
+class Conflict:
+    """Conflicts near a search, and the least relaxation that a local search finds, if any.
+
+    Attributes:
+        search: near which requirements conflict.
+        subsets: names of the requirements of each conflict, and of what else has to give.
+        relaxation: of these, with which a design is found; None if there is none.
+        among: the search for it.
+        by_sizes: whether they conflict only with sizes that were chosen from a catalogue.
+    """
 
     search: Search
-    subsets: tuple[tuple[str, ...], ...]
+    subsets: Subsets
     relaxation: Relaxation | None
     among: ConflictSearch
+    by_sizes: bool
 
     @classmethod
-    def near(cls, search: Search, share: float) -> _Conflict:
-        """The conflict near a search with limits tightened by a share."""
-        among = ConflictSearch(search.problem.tightened(share), search.x, search.holding)
+    def near(cls, search: Search, share: float | None = None) -> Conflict:
+        """The conflict near a search with limits tightened by a share; a little by default."""
+        among = _among(search, share)
         subsets = among.disjoint_subsets()
         if not subsets:
-            return cls(search, (), None, among)
-        relaxation = among.least_relaxation(subsets)
-        if relaxation is None:  # what conflicts cannot give enough: anything else may help
-            others = tuple(n for n in among.names if not any(n in names for names in subsets))
-            relaxation = among.least_relaxation([*subsets, others])
-            amounts = relaxation.amounts if relaxation else {}
-            helps = tuple(name for name in others if amounts.get(name, 0.0) > 0)
-            subsets = (*subsets, helps) if helps else subsets
-        return cls(search, subsets, relaxation, among)
+            return cls(search, (), None, among, bool(search.problem.sizes))
+        return cls(search, *_relaxed(among, subsets), among, bool(search.problem.sizes))
+
+    def with_sizes(self, search: Search) -> Conflict:
+        """The same conflict, relaxed so far that a search with sizes of a catalogue is allowed."""
+        among = _among(search)
+        subsets, relaxation = _relaxed(among, self.subsets, search.x)
+        return replace(
+            self, search=search, subsets=subsets, relaxation=relaxation, among=among
+        )
 
     @property
     def must_give(self) -> bool:
@@ -193,9 +204,8 @@ class _Conflict:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(by_name, together, x)
             given, _ = _sufficient(search, self.subsets, by_name, together, alone, x)
-        otherwise = ""
-        if search.problem.sizes:
-            none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
+        none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
+        otherwise = OTHER_SIZES if self.by_sizes else ""
         settled = self.relaxation is not None
         return conflict_error(
             search.problem.machine.name, given, none_meets, settled, otherwise, least=False
@@ -229,6 +239,27 @@ class _Conflict:
         return alone
 
 
+def _among(search: Search, share: float | None = None) -> ConflictSearch:
+    """The search for conflicts near a search with limits tightened; a little by default."""
+    if share is None:
+        share = TIGHTENED_BY[0] if search.problem.vector.moving else 0.0
+    return ConflictSearch(search.problem.tightened(share), search.x, search.holding)
+
+
+def _relaxed(
+    among: ConflictSearch, subsets: Subsets, near: Array | None = None
+) -> tuple[Subsets, Relaxation | None]:
+    """The least relaxation of subsets, and of what else helps where they cannot give enough."""
+    relaxation = among.least_relaxation(subsets, near)
+    if relaxation is not None:
+        return subsets, relaxation
+    others = tuple(n for n in among.names if not any(n in names for names in subsets))
+    relaxation = among.least_relaxation([*subsets, others], near)
+    amounts = relaxation.amounts if relaxation else {}
+    helps = tuple(name for name in others if amounts.get(name, 0.0) > 0)
+    return ((*subsets, helps) if helps else subsets), relaxation
+
+
 def _sufficient(
     search: Search,
     subsets: Sequence[Sequence[str]],
@@ -251,6 +282,7 @@ def _sufficient(
                 larger[name] = max(amount, min(amount + more * limit, most))
         given = concessions(problem.requirements, subsets, by_name, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
-        if inmost_machine(search.of(granted, np.clip(x, *granted.bounds))) is not None:
+        near = search.of(granted, np.clip(x, *granted.bounds))
+        if inmost_machine(near, any_will_do=True) is not None:
             return given, True
     return given, False

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from armdesign.arrays import Array
-from armdesign.design.search.infeasibility.elastic_programme import MET, ElasticProgramme, Roles
+from armdesign.design.program.constraints import holding_rows
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.infeasibility.elastic_programme import (
+    MET,
+    ROUGH,
+    ElasticProgramme,
+    Roles,
+)
 from armdesign.design.search.sequential_sdp import MISSED, Search
 
 # share of what is missed that a step must promise, where a design that meets all is sought
@@ -11,6 +18,17 @@ EXACT = 1e-6
 STRICT = (
     30.0  # times dearer a missed requirement, for a search that left the designs that meet all
 )
+
+
+def nearest_design(problem: Problem) -> Search:
+    """The search of a problem at the design that misses its requirements least.
+
+    Sought from today's and drawn ones, without regard to frequency; today's if that misses none.
+    """
+    x = problem.vector.start
+    programme = ElasticProgramme(problem, x, holding_rows(problem, x))
+    solution = programme.solve(Roles((), programme.names), ROUGH)
+    return Search(problem=problem, x=solution.x, holding=programme.holding).look()
 
 
 def restore_feasibility(search: Search) -> Search:
