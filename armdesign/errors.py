@@ -87,7 +87,10 @@ class InfeasibleError(ArmDesignError):
         conflict: requirements that cannot be met together, though without any one of them the
             others can; of several such sets that have nothing in common all, see
             ``Concession.part``. If each is relaxed by its ``together``, there is a design.
+        tried: whether the search that it ends has found one so.
     """
+
+    tried = False
 
     def __init__(
         self,

@@ -17,7 +17,7 @@ from armdesign.design.search.file_changes import changes_of_sizes
 from armdesign.design.search.infeasibility.elastic_programme import ROUGH, Groups
 from armdesign.design.search.infeasibility.explanation import Conflict, not_written
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
-from armdesign.design.search.infeasibility.restoration import restore_feasibility
+from armdesign.design.search.infeasibility.restoration import nearest_design, restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
 from armdesign.design.search.rounding import (
     CheckedMachine,
@@ -158,7 +158,12 @@ def refuse_conflict(nearest: Search, sizes: Sizes | None) -> None:
     if sizes is not None:
         near = nearest.of(nearest.problem, conflict.x)
         conflict = conflict.with_sizes(_missing_least(near, sizes, conflict.subsets))
-    raise conflict.error("no design meets")
+
+    def enough(problem: Problem) -> bool:
+        granted = replace(problem, sizes=())
+        return first_machine(nearest_design(granted), sizes) is not None
+
+    raise conflict.error("no design meets", enough)
 
 
 def _of_todays_pins(problem: Problem, sizes: Sizes) -> tuple[Search, CheckedMachine] | None:

@@ -14,6 +14,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.record import Concession, Evaluation, Requirement
@@ -36,11 +37,14 @@ from armdesign.errors import InfeasibleError
 
 # shares by which limits are tightened, until there is a conflict
 TIGHTENED_BY = (1e-4, 1e-3, 3e-3, 1e-2)
-MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
+# of their limits that requirements give besides, until a drawing has room
+MORE, MORE_OF_COARSE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2), (3e-3, 1e-2, 3e-2)
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
+NOTHING = 1e-4  # of a limit, which is not said where more is given besides
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
 
 T = TypeVar("T")
+Enough: TypeAlias = Callable[[Problem], bool]
 Subsets: TypeAlias = tuple[tuple[str, ...], ...]
 
 
@@ -60,6 +64,8 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
             answer = design(problem.under(requirements), bool(refusals))
         except InfeasibleError as refusal:
             refusals.append(refusal)
+            if refusal.tried and len(refusals) == 1:
+                break
             granted = requirements.granting(refusal.conflict)
             if granted == requirements:  # nothing that a file could state helps
                 break
@@ -193,9 +199,13 @@ class Conflict:
         """The design that misses least."""
         return self.relaxation.x if self.relaxation else self.among.x
 
-    def error(self, none_meets: str) -> InfeasibleError:
-        """The error that names the conflict and what relaxation is enough, together and alone."""
-        search, amounts = self.search, self.among.amounts(self.among.x)
+    def error(self, none_meets: str, enough: Enough | None = None) -> InfeasibleError:
+        """The error that names the conflict and what relaxation is enough, together and alone.
+
+        ``enough`` tells whether a problem has a design; where none is told, one is sought near
+        the design that misses least, and the error is not ``tried``.
+        """
+        search, amounts, tried = self.search, self.among.amounts(self.among.x), False
         by_name = {name: evaluation for name, (evaluation, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
             lacks = {name: amount for name, (_, amount) in amounts.items() if amount > 0}
@@ -203,13 +213,17 @@ class Conflict:
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(by_name, together, x)
-            given, _ = _sufficient(search, self.subsets, by_name, together, alone, x)
+            given, tried = _sufficient(
+                search, self.subsets, by_name, together, alone, x, enough
+            )
         none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
         otherwise = OTHER_SIZES if self.by_sizes else ""
         settled = self.relaxation is not None
-        return conflict_error(
+        error = conflict_error(
             search.problem.machine.name, given, none_meets, settled, otherwise, least=False
         )
+        error.tried = enough is not None and tried
+        return error
 
     def _alone(
         self, by_name: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
@@ -267,22 +281,24 @@ def _sufficient(
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
     x: Array,
+    enough: Enough | None = None,
 ) -> tuple[tuple[Concession, ...], bool]:
     """The concessions with which a design near ``x`` is found and can be written, and whether.
 
-    The largest tried if none is.
+    Or with which there is a design as ``enough`` tells. The largest tried if none is.
     """
     problem = search.problem
-    for more in MORE:
+    coarse = problem.grid != FINE and bool(problem.vector.moving)
+    for more in MORE_OF_COARSE if coarse else MORE:
         larger = {}
         for name, amount in amounts.items():
-            if amount > 0:
-                limit = abs(by_name[name].limit)
+            limit = abs(by_name[name].limit)
+            if amount > (NOTHING * limit if coarse else 0.0):
                 most = largest_share(problem.requirements, by_name[name]) * limit
                 larger[name] = max(amount, min(amount + more * limit, most))
         given = concessions(problem.requirements, subsets, by_name, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
         near = search.of(granted, np.clip(x, *granted.bounds))
-        if inmost_machine(near, any_will_do=True) is not None:
+        if enough(granted) if enough else inmost_machine(near, any_will_do=True):
             return given, True
     return given, False

@@ -19,10 +19,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE as FINE_GRID
 from armdesign.design.program.constraints import holding_rows
 from armdesign.design.requirements.record import Evaluation
 from armdesign.design.search.infeasibility.concessions import largest_share
 from armdesign.design.search.infeasibility.elastic_programme import (
+    FINE,
     MET,
     ROUGH,
     STARTS,
@@ -76,22 +78,24 @@ class ConflictSearch(ElasticProgramme):
         Empty if all can. Of ``suspects``, all requirements if None.
         """
         everything = self.names if suspects is None else suspects
-        if self._meeting(everything):
+        if self._meeting(everything) or self._sought(everything, 1).met:
             return ()
-        nearest = self._sought(everything, STARTS)
-        if nearest.met:
-            return ()
-        missed = self.visited[-1].missed
-        places = [self.rooms(self.problem.vector.start), self.visited[-1]]
-        while subset := self._linear_subset(places, everything, missed):
-            if not self.feasible(subset):
-                break
-            if (place := self._meeting(subset)) is None:
+        nearest = self.visited[-1]
+        places = [self.rooms(self.problem.vector.start), nearest]
+        while subset := self._linear_subset(places, everything, nearest.missed):
+            place = self._meeting(subset) or (self.feasible(subset) and self._meeting(subset))
+            if not place:
                 break
             places.append(place)
-        else:  # no conflict of linear programmes, which the filter takes for all
-            subset = [n for n in everything if n in nearest.tight or n in missed]
+        else:  # no linear programme shows a conflict
+            solution = self._sought(everything, STARTS)
+            if solution.met:
+                return ()
+            nearest = self.visited[-1]
+            held = solution.tight | nearest.missed
+            subset = [n for n in everything if n in held]
             subset = list(everything) if self.feasible(subset) else subset
+        missed = nearest.missed
         found = self._deletion_filter(subset, missed, NEAR)
         if len(found) < len(subset) and self.feasible(found):  # others show that it is feasible
             found = self._deletion_filter(subset, missed, STARTS)
@@ -186,16 +190,19 @@ class ConflictSearch(ElasticProgramme):
 
         None if that does not help. What no setting states, like a dead length, is not relaxed. It
         is sought from several starts, least among what they lead to; from that one and today's
-        machine if one is ``near``.
+        machine if one is ``near``. Sizes go to the grid where that is fine.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         roles = self.roles(subsets)
         self.x = self.x if near is None else near
-        solution = self.solve(roles, starts=2 if near is not None else STARTS)
+        fine = self.problem.grid == FINE_GRID
+        starts = STARTS if near is None else NEAR
+        solution = self.solve(roles, FINE if fine else ROUGH, starts)
         if solution.missed > MET:
             return None
-        rounded = self.on_grid(solution, roles)
-        best: ElasticSolution = rounded if rounded.missed <= MET else solution
+        best: ElasticSolution = solution
+        if fine and (rounded := self.on_grid(solution, roles)).missed <= MET:
+            best = rounded
         amounts = self.amounts(best.x)
         gives = {name: amounts[name][1] for part in roles.soft for name in part}
         if any(_gives_all(conditions[name], amount) for name, amount in gives.items()):
