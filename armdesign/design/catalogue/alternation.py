@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,7 +14,13 @@ from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered, size_in_mm
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.file_changes import changes_of_sizes
-from armdesign.design.search.infeasibility.elastic_programme import ROUGH, Groups
+from armdesign.design.search.infeasibility.elastic_programme import (
+    MET,
+    ROUGH,
+    ElasticSolution,
+    Groups,
+    Roles,
+)
 from armdesign.design.search.infeasibility.explanation import Conflict, not_written
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import nearest_design, restore_feasibility
@@ -33,6 +39,7 @@ from armdesign.machine.machine import Machine
 
 MOST_DRAWN = 6  # combinations of sizes that are drawn
 TURNS = 5  # of choosing sizes for pins and pins for sizes
+BEYOND = 1e-4  # of a limit that is missed and should not be, for which sizes are sought again
 # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 BORES, RODS = 2, 2
 
@@ -156,8 +163,11 @@ def refuse_conflict(nearest: Search, sizes: Sizes | None) -> None:
     if not conflict.must_give:
         return
     if sizes is not None:
-        near = nearest.of(nearest.problem, conflict.x)
-        conflict = conflict.with_sizes(_missing_least(near, sizes, conflict.subsets))
+        near, free = nearest.of(nearest.problem, conflict.x), conflict
+        for groups in (free.subsets, None):  # more gives where these cannot give enough
+            conflict = free.with_sizes(_missing_least(near, sizes, groups))
+            if conflict.relaxation is not None:
+                break
 
     def enough(problem: Problem) -> bool:
         granted = replace(problem, sizes=())
@@ -234,22 +244,56 @@ def _missing_least(search: Search, sizes: Sizes, groups: Groups | None = None) -
     """Sizes near a search's own, the largest cylinder first, that miss requirements least.
 
     Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
-    Groups of requirements give, all if None; the others are met before.
+    Groups of requirements give, all if None; the others are met before. Where one is missed that
+    should not be, each cylinder is let go and sized once more.
     """
+    elastic = ConflictSearch(search.problem, search.x, search.holding)
+    roles = elastic.roles([elastic.names] if groups is None else groups, groups is None)
+    best: Missed | None = None
     for i in _largest_first(search):
-        best: tuple[float, Search, Array] | None = None
-        for size in _near_sizes(search, i, sizes):
-            other = _with_size(search, i, size)
-            elastic = ConflictSearch(other.problem, other.x, search.holding)
-            roles = elastic.roles([elastic.names] if groups is None else groups)
-            solution = elastic.solve(roles, ROUGH, starts=1)
-            if best is None or solution.cost < best[0]:
-                best = solution.cost, other, solution.x
-            if solution.met:
-                break
-        assert best is not None
-        search = best[1].of(best[1].problem, best[2])
+        best = _missing_least_by(search, i, sizes, roles)
+        search = best.search
+    for i in _largest_first(search):
+        if best is None or best.beyond(roles) <= BEYOND:
+            break
+        free = _missing(_with_size(search, i, None), roles)
+        best = min(best, _missing_least_by(free.search, i, sizes, roles), key=lambda one: one.cost)
+        search = best.search
     return search.look()
+
+
+class Missed(NamedTuple):
+    """A search at the design that misses requirements least with its sizes, and by how much."""
+
+    solution: ElasticSolution
+    search: Search
+
+    @property
+    def cost(self) -> float:
+        """What solutions are compared by."""
+        return self.solution.cost
+
+    def beyond(self, roles: Roles) -> float:
+        """What is missed that should not be: of what must hold, or of all where all may give."""
+        return self.solution.missed if roles.hard else self.cost
+
+
+def _missing(search: Search, roles: Roles) -> Missed:
+    """A search, on to where requirements are missed least."""
+    elastic = ConflictSearch(search.problem, search.x, search.holding)
+    solution = elastic.solve(roles, ROUGH, starts=1)
+    return Missed(solution, search.of(search.problem, solution.x))
+
+
+def _missing_least_by(search: Search, i: int, sizes: Sizes, roles: Roles) -> Missed:
+    """The size of one cylinder, near a search's own, that misses least; the first that misses none.
+    """
+    tried: list[Missed] = []
+    for size in _near_sizes(search, i, sizes):
+        tried.append(_missing(_with_size(search, i, size), roles))
+        if tried[-1].cost <= MET:
+            break
+    return min(tried, key=lambda one: one.cost)
 
 
 def improve_in_turn(search: Search, sizes: Sizes, tried: Tried | None = None) -> Search:

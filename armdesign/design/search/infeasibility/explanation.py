@@ -64,7 +64,9 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
             answer = design(problem.under(requirements), bool(refusals))
         except InfeasibleError as refusal:
             refusals.append(refusal)
-            if refusal.tried and len(refusals) == 1:
+            if refusal.tried:
+                settled = True
+                requirements = requirements.granting(refusal.conflict)
                 break
             granted = requirements.granting(refusal.conflict)
             if granted == requirements:  # nothing that a file could state helps
@@ -264,9 +266,10 @@ def _relaxed(
     among: ConflictSearch, subsets: Subsets, near: Array | None = None
 ) -> tuple[Subsets, Relaxation | None]:
     """The least relaxation of subsets, and of what else helps where they cannot give enough."""
-    relaxation = among.least_relaxation(subsets, near)
-    if relaxation is not None:
-        return subsets, relaxation
+    for with_places in (False, True):
+        relaxation = among.least_relaxation(subsets, near, with_places)
+        if relaxation is not None:
+            return subsets, relaxation
     others = tuple(n for n in among.names if not any(n in names for names in subsets))
     relaxation = among.least_relaxation([*subsets, others], near)
     amounts = relaxation.amounts if relaxation else {}

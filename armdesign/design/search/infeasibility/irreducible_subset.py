@@ -111,7 +111,7 @@ class ConflictSearch(ElasticProgramme):
         while len(subsets) < SUBSETS and (names := self.irreducible_subset(left)):
             subsets.append(names)
             left = [name for name in left if name not in names]
-        return tuple(sorted(subsets, key=len))
+        return tuple(sorted(subsets, key=lambda names: (len(names), self.names.index(names[0]))))
 
     def _sought(self, names: Collection[str], starts: int) -> ElasticSolution:
         """The design that misses these requirements least, from so many starts."""
@@ -174,30 +174,40 @@ class ConflictSearch(ElasticProgramme):
                 kept = others
         return kept
 
-    def roles(self, groups: Sequence[Sequence[str]]) -> Roles:
-        """Roles in which groups of requirements give what a file may state; all else must hold."""
+    def roles(self, groups: Sequence[Sequence[str]], with_places: bool = True) -> Roles:
+        """Roles in which groups of requirements give what a file may state; all else must hold.
+
+        Distances of pins and barrels from edges and parts, which are lengths and no shares of
+        today's, too; only where nothing else of their group can if not ``with_places``.
+        """
         requirements, amounts = self.problem.requirements, self.amounts(self.x)
         most = {name: largest_share(requirements, c) for name, (c, _) in amounts.items()}
         soft = [tuple(name for name in group if most[name] > 0) for group in groups]
+        if not with_places:
+            places = {name for name, (c, _) in amounts.items() if c.slack_scale is not None}
+            soft = [tuple(n for n in group if n not in places) or group for group in soft]
         hard = [name for name in amounts if not any(name in group for group in soft)]
         limited = {name: share for name, share in most.items() if 0 < share < math.inf}
         return Roles(soft, hard, limited)
 
     def least_relaxation(
-        self, subsets: Sequence[Sequence[str]], near: Array | None = None
+        self,
+        subsets: Sequence[Sequence[str]],
+        near: Array | None = None,
+        with_places: bool = True,
     ) -> Relaxation | None:
         """The least relaxation of the requirements of subsets, equal shares within a subset.
 
         None if that does not help. What no setting states, like a dead length, is not relaxed. It
         is sought from several starts, least among what they lead to; from that one and today's
-        machine if one is ``near``. Sizes go to the grid where that is fine.
+        machine if one is ``near``. Places give as ``roles`` says. Sizes go to the grid where that is fine.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
-        roles = self.roles(subsets)
+        roles = self.roles(subsets, with_places)
         self.x = self.x if near is None else near
         fine = self.problem.grid == FINE_GRID
         starts = STARTS if near is None else NEAR
-        solution = self.solve(roles, FINE if fine else ROUGH, starts)
+        solution = self.solve(roles, FINE, starts)
         if solution.missed > MET:
             return None
         best: ElasticSolution = solution
