@@ -90,8 +90,6 @@ class InfeasibleError(ArmDesignError):
         tried: whether the search that it ends has found one so.
     """
 
-    tried = False
-
     def __init__(
         self,
         part: str,
@@ -101,7 +99,7 @@ class InfeasibleError(ArmDesignError):
         table: str = "",
     ) -> None:
         super().__init__(part, fault, remedy)
-        self.conflict, self.table = conflict, table
+        self.conflict, self.table, self.tried = conflict, table, False
 
 
 class UntriedError(InfeasibleError):

@@ -18,10 +18,9 @@ from armdesign.design.search.infeasibility.elastic_programme import (
     MET,
     ROUGH,
     ElasticSolution,
-    Groups,
     Roles,
 )
-from armdesign.design.search.infeasibility.explanation import Conflict, not_written
+from armdesign.design.search.infeasibility.explanation import Conflict, Subsets, not_written
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
 from armdesign.design.search.infeasibility.restoration import nearest_design, restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
@@ -150,7 +149,7 @@ def first_machine(nearest: Search, sizes: Sizes | None) -> tuple[Search, Checked
     if sizes is not None:
         nearest = _missing_least(nearest, sizes)
     machine = inmost_machine(nearest, any_will_do=True)
-    return machine and (nearest, machine)
+    return None if machine is None else (nearest, machine)
 
 
 def refuse_conflict(nearest: Search, sizes: Sizes | None) -> None:
@@ -240,7 +239,7 @@ def _with_sizes(
     return improve_in_turn(max(searches, key=lambda one: one.rank), sizes, tried)
 
 
-def _missing_least(search: Search, sizes: Sizes, groups: Groups | None = None) -> Search:
+def _missing_least(search: Search, sizes: Sizes, groups: Subsets | None = None) -> Search:
     """Sizes near a search's own, the largest cylinder first, that miss requirements least.
 
     Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
@@ -249,12 +248,12 @@ def _missing_least(search: Search, sizes: Sizes, groups: Groups | None = None) -
     """
     elastic = ConflictSearch(search.problem, search.x, search.holding)
     roles = elastic.roles([elastic.names] if groups is None else groups, groups is None)
-    best: Missed | None = None
     for i in _largest_first(search):
         best = _missing_least_by(search, i, sizes, roles)
         search = best.search
     for i in _largest_first(search):
-        if best is None or best.beyond(roles) <= BEYOND:
+        solution = best.solution  # of all that may give, none should have to
+        if (solution.cost if groups is None else solution.missed) <= BEYOND:
             break
         free = _missing(_with_size(search, i, None), roles)
         best = min(best, _missing_least_by(free.search, i, sizes, roles), key=lambda one: one.cost)
@@ -273,10 +272,6 @@ class Missed(NamedTuple):
         """What solutions are compared by."""
         return self.solution.cost
 
-    def beyond(self, roles: Roles) -> float:
-        """What is missed that should not be: of what must hold, or of all where all may give."""
-        return self.solution.missed if roles.hard else self.cost
-
 
 def _missing(search: Search, roles: Roles) -> Missed:
     """A search, on to where requirements are missed least."""
@@ -286,8 +281,7 @@ def _missing(search: Search, roles: Roles) -> Missed:
 
 
 def _missing_least_by(search: Search, i: int, sizes: Sizes, roles: Roles) -> Missed:
-    """The size of one cylinder, near a search's own, that misses least; the first that misses none.
-    """
+    """The size of one cylinder, near a search's own, that misses least: the first that is met."""
     tried: list[Missed] = []
     for size in _near_sizes(search, i, sizes):
         tried.append(_missing(_with_size(search, i, size), roles))

@@ -123,7 +123,8 @@ class Lattice:
         own = np.stack(vector.strokes(search.x), axis=1)
         start = replace(search, strictness=STRICT)
         start = start.of(_with_lengths(problem, cylinders, own[cylinders]), search.x)
-        return cls(Point.of(start), entries, cylinders, *columns, any_will_do)
+        lattice = cls(Point.of(start), entries, cylinders, *columns)
+        return replace(lattice, any_will_do=any_will_do)
 
     def at(self, numbers: Array) -> Point:
         """The design of numbers k."""

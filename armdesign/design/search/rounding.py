@@ -22,11 +22,7 @@ from armdesign.design.requirements.check import check, meets, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
-from armdesign.design.search.infeasibility.elastic_programme import (
-    ROUGH,
-    ElasticProgramme,
-    Roles,
-)
+from armdesign.design.search.infeasibility.elastic_programme import ROUGH, ElasticProgramme, Roles
 from armdesign.design.search.lattice import on_lattice
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.workspace import Workspace

@@ -212,9 +212,9 @@ def _single(c: Concession, conflict: Sequence[Concession]) -> bool:
 def _together(names: Sequence[str]) -> str:
     """Names of requirements that conflict, in words."""
     first, *others = names
-    if not others:
-        return first
-    return f"{first} together with {' and '.join(filter(None, [', '.join(others[:-1]), others[-1]]))}"
+    *several, last = others or [""]
+    listed = f"{', '.join(several)} and {last}" if several else last
+    return f"{first} together with {listed}" if others else first
 
 
 def _values(conflict: Sequence[Concession]) -> dict[str, str]:
@@ -239,9 +239,7 @@ def _settings(conflict: Sequence[Concession]) -> str:
 def _options(conflict: Sequence[Concession]) -> list[str]:
     """The same as options of a command; factors in words."""
     return [
-        f"{setting} × {value}"
-        if _is_factor(setting)
-        else f"--set requirements.{setting}={value}"
+        f"{setting} × {value}" if _is_factor(setting) else f"--set requirements.{setting}={value}"
         for setting, value in _values(conflict).items()
     ]
 

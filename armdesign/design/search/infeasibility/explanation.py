@@ -82,7 +82,7 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
     conflict = _all_together(problem, refusals, requirements)
     last = [] if settled else [c.name for c in refusals[-1].conflict]
     none_meets, otherwise = "no design meets", ""
-    if catalogue:
+    if catalogue and any(WITH_SIZES in refusal.fault for refusal in refusals):
         none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
     raise conflict_error(
         problem.machine.name, conflict, none_meets, settled, otherwise, last, least=False
@@ -187,9 +187,7 @@ class Conflict:
         """The same conflict, relaxed so far that a search with sizes of a catalogue is allowed."""
         among = _among(search)
         subsets, relaxation = _relaxed(among, self.subsets, search.x)
-        return replace(
-            self, search=search, subsets=subsets, relaxation=relaxation, among=among
-        )
+        return replace(self, search=search, subsets=subsets, relaxation=relaxation, among=among)
 
     @property
     def must_give(self) -> bool:
@@ -215,9 +213,7 @@ class Conflict:
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(by_name, together, x)
-            given, tried = _sufficient(
-                search, self.subsets, by_name, together, alone, x, enough
-            )
+            given, tried = _sufficient(search, self.subsets, by_name, together, alone, x, enough)
         none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
         otherwise = OTHER_SIZES if self.by_sizes else ""
         settled = self.relaxation is not None

@@ -83,8 +83,8 @@ class ConflictSearch(ElasticProgramme):
         nearest = self.visited[-1]
         places = [self.rooms(self.problem.vector.start), nearest]
         while subset := self._linear_subset(places, everything, nearest.missed):
-            place = self._meeting(subset) or (self.feasible(subset) and self._meeting(subset))
-            if not place:
+            self.feasible(subset)  # what is found is known then
+            if (place := self._meeting(subset)) is None:
                 break
             places.append(place)
         else:  # no linear programme shows a conflict
@@ -191,16 +191,14 @@ class ConflictSearch(ElasticProgramme):
         return Roles(soft, hard, limited)
 
     def least_relaxation(
-        self,
-        subsets: Sequence[Sequence[str]],
-        near: Array | None = None,
-        with_places: bool = True,
+        self, subsets: Sequence[Sequence[str]], near: Array | None = None, with_places: bool = True
     ) -> Relaxation | None:
         """The least relaxation of the requirements of subsets, equal shares within a subset.
 
         None if that does not help. What no setting states, like a dead length, is not relaxed. It
         is sought from several starts, least among what they lead to; from that one and today's
-        machine if one is ``near``. Places give as ``roles`` says. Sizes go to the grid where that is fine.
+        machine if one is ``near``. Places give as ``roles`` says. Sizes go to the grid where that
+        is fine.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         roles = self.roles(subsets, with_places)
