@@ -35,6 +35,7 @@ from armdesign.design.search.infeasibility.elastic_programme import (
 )
 
 SUBSETS = 8  # that are looked for
+PLACES = 12  # at which requirements are linearised for one
 NEAR = 2  # starts of a search that only sorts out: the nearest design known, and today's
 
 
@@ -80,14 +81,14 @@ class ConflictSearch(ElasticProgramme):
         everything = self.names if suspects is None else suspects
         if self._meeting(everything) or self._sought(everything, 1).met:
             return ()
-        nearest = self.visited[-1]
+        nearest, subset = self.visited[-1], list[str]()
         places = [self.rooms(self.problem.vector.start), nearest]
-        while subset := self._linear_subset(places, everything, nearest.missed):
-            self.feasible(subset)  # what is found is known then
-            if (place := self._meeting(subset)) is None:
+        for _ in range(PLACES):
+            subset = self._linear_subset(places, everything, nearest.missed)
+            if not subset or not self.feasible(subset):
                 break
-            places.append(place)
-        else:  # no linear programme shows a conflict
+            places.append(self._meeting(subset) or self.visited[-1])
+        if not subset or self._meeting(subset):  # no linear programme shows a conflict
             solution = self._sought(everything, STARTS)
             if solution.met:
                 return ()
@@ -104,20 +105,23 @@ class ConflictSearch(ElasticProgramme):
     def disjoint_subsets(self) -> tuple[tuple[str, ...], ...]:
         """Irreducible subsets without a common requirement, until what they leave can be met.
 
-        The smallest first.
+        The smallest first. The search moves on to the design that misses fewest.
         """
         subsets: list[tuple[str, ...]] = []
         left = self.names
         while len(subsets) < SUBSETS and (names := self.irreducible_subset(left)):
             subsets.append(names)
             left = [name for name in left if name not in names]
+        self.x = min(self.visited, key=lambda at: len(at.missed)).x
         return tuple(sorted(subsets, key=lambda names: (len(names), self.names.index(names[0]))))
 
     def _sought(self, names: Collection[str], starts: int) -> ElasticSolution:
         """The design that misses these requirements least, from so many starts."""
         near = min(self.visited, key=lambda at: len(at.missed.intersection(names)), default=None)
         x = self.x if near is None else near.x
-        solution = replace(self, x=x).solve(Roles((), names), ROUGH, starts)
+        search = replace(self, x=x)
+        solution = search.solve(Roles((), names), ROUGH, starts)
+        self.holding = search.holding
         self.visited.append(self.rooms(solution.x))
         return solution
 
