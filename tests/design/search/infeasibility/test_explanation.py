@@ -110,7 +110,7 @@ def test_granting_a_conflict_of_a_catalogue_gives_a_design_of_it() -> None:
         Requirements.of(machine),
         **ANY_LIFT_AND_TORQUE | TWO | {"oil_total_share": 0.6, "pin_box": 0.01},
     )
-    with pytest.raises(InfeasibleError, match="^odd: no design meets thrust") as error:
+    with pytest.raises(InfeasibleError, match=r"^odd: no design meets thrust") as error:
         ad.optimize(machine, workspace, requirements, starts=1, catalogue="iso")
     granted = requirements.granting(error.value.conflict)
     design = ad.optimize(machine, workspace, granted, starts=1, catalogue="iso")
