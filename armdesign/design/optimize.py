@@ -139,7 +139,7 @@ def outcome_of(
     if sizes is not None:
         refuse_fixed_sizes(problem)
         refuse_unfit_catalogue(problem)
-    nearest = nearest_design(problem)
+    nearest = nearest_design(problem, given and given[0])
     if nearest.violation > MISSED:
         refuse_conflict(nearest, sizes)
     if any_will_do and (first := first_machine(nearest, sizes)):

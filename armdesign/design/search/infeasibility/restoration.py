@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import holding_rows
 from armdesign.design.program.problem import Problem
@@ -20,12 +22,13 @@ STRICT = (
 )
 
 
-def nearest_design(problem: Problem) -> Search:
+def nearest_design(problem: Problem, given: Array | None = None) -> Search:
     """The search of a problem at the design that misses its requirements least.
 
-    Sought from today's and drawn ones, without regard to frequency; today's if that misses none.
+    Sought from a ``given`` one, today's and drawn ones, without regard to frequency; the first of
+    them if that misses none.
     """
-    x = problem.vector.start
+    x = problem.vector.start if given is None else np.clip(given, *problem.bounds)
     programme = ElasticProgramme(problem, x, holding_rows(problem, x))
     solution = programme.solve(Roles((), programme.names), ROUGH)
     return Search(problem=problem, x=solution.x, holding=programme.holding).look()
