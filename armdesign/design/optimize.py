@@ -9,7 +9,13 @@ from typing import TypedDict
 from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.design.bound.unfit_sizes import refuse_unfit_catalogue
-from armdesign.design.catalogue.alternation import sizes_and_pins, sizes_for_pins
+from armdesign.design.catalogue.alternation import (
+    first_machine,
+    refuse_conflict,
+    refuse_fixed_sizes,
+    sizes_and_pins,
+    sizes_for_pins,
+)
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
 from armdesign.design.design import Design, Outcome
 from armdesign.design.kept_designs import finished_design
@@ -18,9 +24,10 @@ from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.explanation import design_or_proof
+from armdesign.design.search.infeasibility.restoration import nearest_design
 from armdesign.design.search.multistart import Starts, formulate, formulate_with_sizes, multistart
-from armdesign.design.search.sequential_sdp import Search
-from armdesign.errors import ArmDesignError
+from armdesign.design.search.sequential_sdp import MISSED, Search
+from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
@@ -120,20 +127,32 @@ def outcome_of(
     """The best design of a problem, not yet priced; arguments as in ``optimize``.
 
     ``given`` is a design to start from, and the sizes that it has of a catalogue. Where
-    ``any_will_do`` a search for sizes and pins ends with the first design, not with the best.
+    ``any_will_do`` the first design is the answer, which the whole search falls back on too.
 
     Raises:
         InfeasibleError: none was found that meets the requirements.
     """
-    if sizes is None:
-        return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
     if not problem.vector.moving:
-        return _of_catalogue(problem, sizes)
-    refuse_unfit_catalogue(problem)
-    search, reached, rounded = sizes_and_pins(
-        problem, sizes, starts, seed, workers, given, any_will_do
-    )
-    return Outcome.of(search, reached, rounded=rounded)
+        if sizes is not None:
+            return _of_catalogue(problem, sizes)
+        return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
+    if sizes is not None:
+        refuse_fixed_sizes(problem)
+        refuse_unfit_catalogue(problem)
+    nearest = nearest_design(problem, given and given[0])
+    if nearest.violation > MISSED:
+        refuse_conflict(nearest, sizes)
+    if any_will_do and (first := first_machine(nearest, sizes)):
+        return Outcome(first[0], Starts(), None, first[1])
+    try:
+        if sizes is None:
+            return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
+        search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+        return Outcome.of(search, reached, rounded=rounded)
+    except InfeasibleError:
+        if not any_will_do and (first := first_machine(nearest, sizes)):
+            return Outcome(first[0], Starts(), None, first[1])
+        raise
 
 
 @checked

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,14 +14,20 @@ from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered, size_in_mm
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.file_changes import changes_of_sizes
-from armdesign.design.search.infeasibility.elastic_programme import ROUGH
-from armdesign.design.search.infeasibility.explanation import not_written
+from armdesign.design.search.infeasibility.elastic_programme import (
+    MET,
+    ROUGH,
+    ElasticSolution,
+    Roles,
+)
+from armdesign.design.search.infeasibility.explanation import Conflict, Subsets, not_written
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
-from armdesign.design.search.infeasibility.restoration import restore_feasibility
+from armdesign.design.search.infeasibility.restoration import nearest_design, restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
 from armdesign.design.search.rounding import (
     CheckedMachine,
     best_allowed,
+    inmost_machine,
     or_today,
     rounded_machine,
 )
@@ -32,6 +38,7 @@ from armdesign.machine.machine import Machine
 
 MOST_DRAWN = 6  # combinations of sizes that are drawn
 TURNS = 5  # of choosing sizes for pins and pins for sizes
+BEYOND = 1e-4  # of a limit that is missed and should not be, for which sizes are sought again
 # nearest bores, and rods for each, that are tried on a cylinder while the pins follow
 BORES, RODS = 2, 2
 FAR = 0.5  # how far entries of x follow a size in what it promises,
@@ -87,14 +94,12 @@ def sizes_and_pins(
     seed: int,
     workers: int,
     start: tuple[Array, ChosenSizes] | None = None,
-    any_will_do: bool = False,
 ) -> tuple[Search, Starts, CheckedMachine | None]:
     """Sizes of a catalogue and the pins for them, with the machine on the drawing's grid, if any.
 
     Between them stands what each start came to with free sizes.
 
-    ``start`` is a design to begin with, and the sizes that it has of a catalogue. Where
-    ``any_will_do`` the first that can be drawn is taken, one that the whole search would find too.
+    ``start`` is a design to begin with, and the sizes that it has of a catalogue.
 
     Of the combinations of sizes that were tried, some leave little room for lengths on the
     drawing's grid: the one that is best when drawn is taken. Today's machine is the answer where
@@ -115,8 +120,6 @@ def sizes_and_pins(
     if best.violation <= MISSED:
         tried = Tried()
         first = _one_after_another(best, sizes, tried)
-        if any_will_do and tried.allowed and (machine := rounded_machine(first)):
-            return first, outcomes, machine
         _with_sizes(first, sizes, start, tried)
         if tried.allowed:
             sized, machine = _best_drawn(tried.allowed)
@@ -136,6 +139,42 @@ def sizes_and_pins(
     if nearest.violation <= MISSED:
         nearest = improve_in_turn(run_to_end(nearest, trust=0.05), sizes)
     return nearest, outcomes, None
+
+
+def first_machine(nearest: Search, sizes: Sizes | None) -> tuple[Search, CheckedMachine] | None:
+    """A machine that meets all requirements near a search for which frequency does not count.
+
+    With sizes of a catalogue where there are some; None if none was found.
+    """
+    if nearest.violation > MISSED:
+        return None
+    if sizes is not None:
+        nearest = _missing_least(nearest, sizes)
+    machine = inmost_machine(nearest, any_will_do=True)
+    return None if machine is None else (nearest, machine)
+
+
+def refuse_conflict(nearest: Search, sizes: Sizes | None) -> None:
+    """Raise where requirements conflict near a search, whatever sizes are chosen.
+
+    Raises:
+        InfeasibleError: no design meets them; what they give is enough for sizes of a catalogue.
+    """
+    conflict = Conflict.near(nearest)
+    if not conflict.must_give:
+        return
+    if sizes is not None:
+        near, free = nearest.of(nearest.problem, conflict.x), conflict
+        for groups in (free.subsets, None):  # more gives where these cannot give enough
+            conflict = free.with_sizes(_missing_least(near, sizes, groups))
+            if conflict.relaxation is not None:
+                break
+
+    def enough(problem: Problem) -> bool:
+        granted = replace(problem, sizes=())
+        return first_machine(nearest_design(granted), sizes) is not None
+
+    raise conflict.error("no design meets", enough)
 
 
 def _of_todays_pins(problem: Problem, sizes: Sizes) -> tuple[Search, CheckedMachine] | None:
@@ -202,21 +241,55 @@ def _with_sizes(
     return improve_in_turn(max(searches, key=lambda one: one.rank), sizes, tried)
 
 
-def _missing_least(search: Search, sizes: Sizes) -> Search:
+def _missing_least(search: Search, sizes: Sizes, groups: Subsets | None = None) -> Search:
     """Sizes near a search's own, the largest cylinder first, that miss requirements least.
 
     Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
+    Groups of requirements give, all if None; the others are met before. Where one is missed that
+    should not be, each cylinder is let go and sized once more.
     """
+    elastic = ConflictSearch(search.problem, search.x, search.holding)
+    roles = elastic.roles([elastic.names] if groups is None else groups, groups is None)
     for i in _largest_first(search):
-        tried: list[tuple[float, Search, Array]] = []
-        for size in _near_sizes(search, i, sizes):
-            other = _with_size(search, i, size)
-            elastic = ConflictSearch(other.problem, other.x, search.holding)
-            solution = elastic.solve(elastic.roles([elastic.names]), ROUGH, starts=1)
-            tried.append((solution.cost, other, solution.x))
-        _, least, x = min(tried, key=lambda one: one[0])
-        search = least.at(x)
-    return search
+        best = _missing_least_by(search, i, sizes, roles)
+        search = best.search
+    for i in _largest_first(search):
+        solution = best.solution  # of all that may give, none should have to
+        if (solution.cost if groups is None else solution.missed) <= BEYOND:
+            break
+        free = _missing(_with_size(search, i, None), roles)
+        best = min(best, _missing_least_by(free.search, i, sizes, roles), key=lambda one: one.cost)
+        search = best.search
+    return search.look()
+
+
+class Missed(NamedTuple):
+    """A search at the design that misses requirements least with its sizes, and by how much."""
+
+    solution: ElasticSolution
+    search: Search
+
+    @property
+    def cost(self) -> float:
+        """What solutions are compared by."""
+        return self.solution.cost
+
+
+def _missing(search: Search, roles: Roles) -> Missed:
+    """A search, on to where requirements are missed least."""
+    elastic = ConflictSearch(search.problem, search.x, search.holding)
+    solution = elastic.solve(roles, ROUGH, starts=1)
+    return Missed(solution, search.of(search.problem, solution.x))
+
+
+def _missing_least_by(search: Search, i: int, sizes: Sizes, roles: Roles) -> Missed:
+    """The size of one cylinder, near a search's own, that misses least: the first that is met."""
+    tried: list[Missed] = []
+    for size in _near_sizes(search, i, sizes):
+        tried.append(_missing(_with_size(search, i, size), roles))
+        if tried[-1].cost <= MET:
+            break
+    return min(tried, key=lambda one: one.cost)
 
 
 def improve_in_turn(search: Search, sizes: Sizes, tried: Tried | None = None) -> Search:

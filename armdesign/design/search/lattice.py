@@ -7,6 +7,7 @@ Near a design stiffness and requirements are almost linear in these whole number
 for poses j and directions u HiGHS finds the optimum. Directions are added until t is the lowest
 eigenvalue (Kelley's cutting planes). The programme is set up again where the answer lies, until it
 promises nothing better than is known; where an answer comes again, fewer steps are allowed.
+Where any design will do, there are no poses, and the first that keeps all limits is the answer.
 """
 
 from __future__ import annotations
@@ -37,14 +38,14 @@ CLOSE = 1e-6  # that near to the lowest eigenvalue
 NODES, GAP = 2_000, 1e-6  # of branch and bound
 
 
-def on_lattice(search: Search) -> Search:
+def on_lattice(search: Search, any_will_do: bool = False) -> Search:
     """The best design near a search with all lengths on the drawing grid, where that is coarse.
 
-    Coordinates that did not move stay.
+    Coordinates that did not move stay. The first that meets all requirements if ``any_will_do``.
     """
     if search.problem.grid == FINE or not search.problem.vector.moving:
         return search
-    lattice = Lattice.of(search)
+    lattice = Lattice.of(search, any_will_do)
     about, best, reach, failed = lattice.start, None, REACH, 0
     for _ in range(ROUNDS):
         numbers, promised = lattice.step(about, reach)
@@ -53,6 +54,8 @@ def on_lattice(search: Search) -> Search:
         about = lattice.at(numbers)
         if best is None or about.trial.merit > best.trial.merit + PROMISED:
             best, failed = about, 0
+            if any_will_do and about.trial.limits.values.min() >= 0:
+                break
             continue
         failed += 1
         if failed == FAILED:
@@ -86,6 +89,7 @@ class Lattice:
         ease: steps for each step of a coordinate.
         low: least k.
         high: largest k.
+        any_will_do: whether frequency is left aside.
     """
 
     start: Point
@@ -96,9 +100,10 @@ class Lattice:
     ease: Array
     low: Array
     high: Array
+    any_will_do: bool = False
 
     @classmethod
-    def of(cls, search: Search) -> Lattice:
+    def of(cls, search: Search, any_will_do: bool = False) -> Lattice:
         """The lattice of the drawing grid; today's place where none of it is within bounds."""
         problem, vector = search.problem, search.problem.vector
         entries, rows = [], []
@@ -118,7 +123,8 @@ class Lattice:
         own = np.stack(vector.strokes(search.x), axis=1)
         start = replace(search, strictness=STRICT)
         start = start.of(_with_lengths(problem, cylinders, own[cylinders]), search.x)
-        return cls(Point.of(start), entries, cylinders, *columns)
+        lattice = cls(Point.of(start), entries, cylinders, *columns)
+        return replace(lattice, any_will_do=any_will_do)
 
     def at(self, numbers: Array) -> Point:
         """The design of numbers k."""
@@ -155,6 +161,7 @@ class Lattice:
         """Stiffness and limits at a design, each with its change by a step of every number."""
         search, trial = about.search, about.trial
         rows, squared = search.active(trial.squared), float(trial.squared.min())
+        rows = rows[:0] if self.any_will_do else rows
         dynamics, limits = search.problem.dynamics, trial.limits
         base, of_x = dynamics.scaled_stiffness_and_gradient(trial.x, rows, squared)
         unit, count = self.unit, len(self.entries)
@@ -213,7 +220,7 @@ def _solved(
             integrality=np.concatenate([np.ones(count), np.zeros(1 + m)]),
             bounds=Bounds(
                 np.concatenate([ends[0], [-np.inf], np.zeros(m)]),
-                np.concatenate([ends[1], np.full(1 + m, np.inf)]),
+                np.concatenate([ends[1], [np.inf if len(base) else 0.0], np.full(m, np.inf)]),
             ),
             constraints=[limits, LinearConstraint(cuts, least, np.inf)],
             options={"node_limit": NODES, "mip_rel_gap": GAP},
@@ -222,7 +229,7 @@ def _solved(
             raise InfeasibleError("design step", answer.message, "loosen the requirements")
         numbers, reached = np.round(answer.x[:count]), answer.x[count]
         size, vectors = np.linalg.eigh(base + np.einsum("v,vnij->nij", numbers, slopes))
-        if size.min() > reached - CLOSE:
+        if size.min(initial=np.inf) > reached - CLOSE:
             break
         directions = vectors[:, :, :1].swapaxes(1, 2)
     return numbers, float(reached - penalties @ answer.x[count + 1 :])

@@ -22,7 +22,7 @@ from armdesign.design.requirements.check import check, meets, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.file_changes import changes_of, diameters, neighbours, pin_changes
-from armdesign.design.search.infeasibility.elastic_programme import ElasticProgramme, Roles
+from armdesign.design.search.infeasibility.elastic_programme import STARTS, ElasticProgramme, Roles
 from armdesign.design.search.lattice import on_lattice
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.frequency.workspace import Workspace
@@ -101,22 +101,24 @@ def or_today(best: CheckedMachine | None, problem: Problem) -> CheckedMachine | 
     return best
 
 
-def inmost_machine(search: Search) -> CheckedMachine | None:
+def inmost_machine(search: Search, any_will_do: bool = False) -> CheckedMachine | None:
     """A machine near a search as far inside all limits as can be, sizes on the grid.
 
-    None if it misses one even so.
+    None if it misses one even so. Its lengths are the best for frequency nearby, or the first
+    that do if ``any_will_do``; the search alone is then started from.
     """
     problem = search.problem
     tightened = problem.tightened(TIGHTENING if problem.vector.moving else 0.0)
     elastic = ElasticProgramme(tightened, search.x, search.holding, DEPTH)
     roles = Roles((elastic.names,), ())
-    solution = elastic.solve(roles)
+    fine = problem.grid == FINE or not problem.vector.moving
+    solution = elastic.solve(roles, starts=1 if any_will_do and not fine else STARTS)
     if ElasticProgramme(problem, solution.x, elastic.holding).violated(solution.x):
         return None
-    if problem.grid == FINE or not problem.vector.moving:
+    if fine:
         drawn = search.of(problem, elastic.on_grid(solution, roles).x)
     else:
-        drawn = on_lattice(search.of(tightened, solution.x).look())
+        drawn = on_lattice(search.of(tightened, solution.x).look(), any_will_do)
     sizes = _options(search)[1] if problem.sizes else _on_grid(problem, drawn.x)
     machine = CheckedMachine.of(_machine(drawn, sizes), problem)
     return machine if machine.allowed else None

@@ -52,6 +52,20 @@ def test_no_neighbour_on_the_grid_is_better() -> None:
     assert merit >= max(merits) * (1 - 1e-6)
 
 
+def test_where_any_design_will_do_it_lies_on_the_grid_and_meets_all() -> None:
+    """Limits drawn in leave the room that whole steps need."""
+    problem = replace(problem_of("double", MOVING, pin_box=0.4), grid=BUILDABLE).tightened(2e-3)
+    search = Search(problem=problem, x=problem.vector.start).run(trust=0.1, tolerance=1e-3)
+    drawn = on_lattice(search, any_will_do=True)
+    assert drawn.limits.values.min() >= 0
+    moved = np.abs(drawn.x[np.flatnonzero(problem.vector.is_coordinate)]) > 0
+    assert moved.any()
+    assert np.abs(_coordinates(drawn) - np.rint(_coordinates(drawn)))[moved].max() < 1e-6
+    for closed, stroke in filter(None, drawn.problem.vector.chosen_lengths):
+        assert closed * 1e3 == pytest.approx(round(closed * 1e3), abs=1e-9)
+        assert stroke * 200 == pytest.approx(round(stroke * 200), abs=1e-9)
+
+
 def _coordinates(search: Search) -> np.ndarray:
     """Coordinates of the pins that may move [mm]."""
     vector = search.problem.vector

@@ -12,6 +12,7 @@ from armdesign.machine.file.key_paths import bounds
 from armdesign.units import WORKSHOP, outward
 
 DIGITS = 6  # of a setting that gives
+IN_LINE = 3  # settings that a line says; more stand below the table
 WITHIN = 0.999  # of what a file allows it to give
 ENOUGH = ", which is enough but not proved least"
 OTHER_SIZES = ", or offer other sizes"
@@ -99,6 +100,8 @@ def conflict_error(
 ) -> InfeasibleError:
     """The error that says a conflict in one line, and several requirements in a table.
 
+    Settings that would make the line long stand below the table, as options of a command.
+
     Args:
         machine: its name.
         conflict: what the requirements give.
@@ -115,19 +118,22 @@ def conflict_error(
         by = "by at least" if least else "by"
         names, amount = _with_limit(conflict[0]), f" {by} {_amount(conflict[0])}"
     else:
-        names = ", nor ".join(" together with ".join(c.name for c in one) for one in parts)
+        names = ", nor ".join(_together([c.name for c in one]) for one in parts)
         amount = ""
     more = "" if settled else "; others conflict besides"
     if left:
         more = f"; when all before was granted, {', '.join(left)} conflicted still"
-    settings = _settings(conflict)
+    settings, options = _settings(conflict), _options(conflict)
+    below = len(options) > IN_LINE and not amount
+    if below:
+        settings = f" by the {len(options)} settings below the table"
     enough = ENOUGH if settings and settled and not least else ""
     return InfeasibleError(
         machine,
         f"{none_meets} {names}{more}",
         f"relax {'it' if amount else 'them'}{amount}{settings}{enough}{otherwise}",
         tuple(conflict),
-        "" if amount else conflict_table(conflict),
+        "" if amount else conflict_table(conflict, options if below else ()),
     )
 
 
@@ -177,16 +183,24 @@ def conflict_rows(conflict: Sequence[Concession]) -> list[tuple[str, ...]]:
     return rows if known else [row[:-1] for row in rows]
 
 
-def conflict_table(conflict: Sequence[Concession]) -> str:
-    """The rows of a conflict as plain text, with a blank line between subsets."""
-    rows = conflict_rows(conflict)
+def conflict_table(conflict: Sequence[Concession], options: Sequence[str] = ()) -> str:
+    """The rows of a conflict as plain text, with a blank line between subsets.
+
+    What stays as it is, is named below them, and the options of a command that relax the rest.
+    """
+    gives = [c for c in conflict if c.together > 0 or c.alone is not None] or conflict
+    rows = conflict_rows(gives)
     heads = HEADS[: len(rows[0])]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     lines = ["  ".join(map(str.ljust, heads, widths)).rstrip()]
-    for k, (c, row) in enumerate(zip(conflict, rows, strict=True)):
-        if k > 0 and c.part != conflict[k - 1].part:
+    for k, (c, row) in enumerate(zip(gives, rows, strict=True)):
+        if k > 0 and c.part != gives[k - 1].part:
             lines.append("")
         lines.append("  ".join(map(str.ljust, row, widths)).rstrip())
+    if stays := [c.name for c in conflict if c not in gives]:
+        lines += ["", f"not relaxed: {', '.join(stays)}"]
+    if options:
+        lines += ["", " ".join(options)]
     return "\n".join(lines)
 
 
@@ -195,16 +209,39 @@ def _single(c: Concession, conflict: Sequence[Concession]) -> bool:
     return sum(other.part == c.part for other in conflict) == 1
 
 
+def _together(names: Sequence[str]) -> str:
+    """Names of requirements that conflict, in words."""
+    first, *others = names
+    *several, last = others or [""]
+    listed = f"{', '.join(several)} and {last}" if several else last
+    return f"{first} together with {listed}" if others else first
+
+
+def _values(conflict: Sequence[Concession]) -> dict[str, str]:
+    """The settings that grant all that a conflict needs, as they are written."""
+    return {c.setting: f"{c.value:.{DIGITS}g}" for c in conflict if c.value is not None}
+
+
+def _is_factor(setting: str) -> bool:
+    """Whether a setting is given as a factor on today's numbers."""
+    return setting.startswith("speed.")
+
+
 def _settings(conflict: Sequence[Concession]) -> str:
     """The settings that grant all that a conflict needs."""
-    values = {
-        c.setting: (
-            f"{c.setting} {'×' if c.setting.startswith('speed.') else '='} {c.value:.{DIGITS}g}"
-        )
-        for c in conflict
-        if c.value is not None
-    }
-    return f"{': ' if values else ''}{', '.join(values.values())}"
+    values = [
+        f"{setting} {'×' if _is_factor(setting) else '='} {value}"
+        for setting, value in _values(conflict).items()
+    ]
+    return f"{': ' if values else ''}{', '.join(values)}"
+
+
+def _options(conflict: Sequence[Concession]) -> list[str]:
+    """The same as options of a command; factors in words."""
+    return [
+        f"{setting} × {value}" if _is_factor(setting) else f"--set requirements.{setting}={value}"
+        for setting, value in _values(conflict).items()
+    ]
 
 
 def _with_limit(c: Concession) -> str:

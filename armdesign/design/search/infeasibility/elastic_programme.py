@@ -8,7 +8,7 @@ drawing one after the other, while the rest follows.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -93,7 +93,7 @@ class ElasticSolution:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rooms:
+class Rooms:
     """Room of a design's requirements, as a share of each limit, and its Jacobian."""
 
     x: Array
@@ -101,12 +101,32 @@ class _Rooms:
     room: Array  # (m,)
     jacobian: Array  # (m, nx)
     given: float
-    missed: float
+    short: float  # of what must hold
 
     @property
     def merit(self) -> float:
         """Less what is given and missed."""
-        return -(self.given + PENALTY * self.missed)
+        return -(self.given + PENALTY * self.short)
+
+    @cached_property
+    def missed(self) -> frozenset[str]:
+        """Requirements that the design misses."""
+        pairs = zip(self.names, self.room, strict=True)
+        return frozenset(name for name, room in pairs if not room >= -MET)
+
+    def conflict(self, names: Collection[str], bounds: Bounds) -> frozenset[str]:
+        """Those of some requirements, linearised here, that no design in the bounds meets.
+
+        With multipliers that prove it; empty if one does.
+        """
+        if self.missed.isdisjoint(names):
+            return frozenset()
+        wanted = np.array([name in names for name in self.names])
+        kept = [name for name in self.names if name in names]
+        part = replace(self, names=kept, room=self.room[wanted], jacobian=self.jacobian[wanted])
+        low, high = bounds
+        _, cost, tight = _step(part, Roles((), names), (low - self.x, high - self.x))
+        return tight if cost > PENALTY * MET else frozenset()
 
 
 @dataclass(eq=False)
@@ -129,12 +149,11 @@ class ElasticProgramme:
     @property
     def names(self) -> list[str]:
         """Names of all requirements."""
-        return list(dict.fromkeys(self._rooms(self.x, None).names))
+        return list(dict.fromkeys(self.rooms(self.x).names))
 
     def violated(self, x: Array) -> set[str]:
         """Requirements that x misses."""
-        at = self._rooms(x, None)
-        return {name for name, room in zip(at.names, at.room, strict=True) if room < -MET}
+        return set(self.rooms(x).missed)
 
     def feasible(self, names: Collection[str], starts: int = STARTS) -> bool:
         """Whether some design meets these requirements, sought from so many starts."""
@@ -160,14 +179,9 @@ class ElasticProgramme:
         Each start is followed until a step promises less than a share ``tolerance`` of what is
         missed.
         """
-        random = np.random.default_rng(0)
         low, high = bounds = self.problem.bounds
-        pins = np.array([v.pin is not None for v in self.problem.vector.variables])
         best: ElasticSolution | None = None
-        for k in range(starts if pins.any() else min(starts, 2)):
-            x = (self.x, self.problem.vector.start)[k].copy() if k < 2 else self.x.copy()
-            if k >= 2:
-                x[pins] = random.uniform(DRAWN_SHARE * low[pins], DRAWN_SHARE * high[pins])
+        for x in self._starts(starts):
             # sizes that are chosen are not today's
             solution = self._solve_from(np.clip(x, low, high), roles, bounds, ANYWHERE, tolerance)
             if best is None or solution.cost < best.cost - MET:
@@ -176,6 +190,20 @@ class ElasticProgramme:
                 break
         assert best is not None
         return best
+
+    def _starts(self, count: int) -> Iterator[Array]:
+        """The design at hand, today's and designs with drawn pins, so many that differ."""
+        random = np.random.default_rng(0)
+        low, high = self.problem.bounds
+        pins = np.array([v.pin is not None for v in self.problem.vector.variables])
+        known = [self.x]
+        if not np.array_equal(self.x, self.problem.vector.start):
+            known.append(self.problem.vector.start)
+        yield from known[:count]
+        for _ in range(count - len(known) if pins.any() else 0):
+            x = self.x.copy()
+            x[pins] = random.uniform(DRAWN_SHARE * low[pins], DRAWN_SHARE * high[pins])
+            yield x
 
     def on_grid(self, solution: ElasticSolution, roles: Roles) -> ElasticSolution:
         """From a solution to one on the grid: bores and rods, and pins where it is coarse."""
@@ -223,22 +251,22 @@ class ElasticProgramme:
         """Linear programmes in a trust region, by the watched rows."""
         tight: frozenset[str] = frozenset()
 
-        def step(at: _Rooms, box: Box, _: Sequence[_Rooms]) -> tuple[_Rooms, float] | None:
+        def step(at: Rooms, box: Box, _: Sequence[Rooms]) -> tuple[Rooms, float] | None:
             nonlocal tight
-            if at.given + at.missed < 0.1 * MET:
+            if at.given + at.short < 0.1 * MET:
                 return None
             change, foreseen, tight = _step(at, roles, box)
             promised = -at.merit - foreseen
             if promised < -tolerance * at.merit:
                 return None
-            return self._rooms(at.x + change, roles), promised
+            return self.rooms(at.x + change, roles), promised
 
-        best = ascend(self._rooms(x, roles), step, bounds, TrustRegion(trust, SMALLEST, STEPS))
-        return ElasticSolution(best.x, best.given, best.missed, tight)
+        best = ascend(self.rooms(x, roles), step, bounds, TrustRegion(trust, SMALLEST, STEPS))
+        return ElasticSolution(best.x, best.given, best.short, tight)
 
     # a dead centre or an open four-bar on the way is no better
     @np.errstate(invalid="ignore", divide="ignore")
-    def _rooms(self, x: Array, roles: Roles | None) -> _Rooms:
+    def rooms(self, x: Array, roles: Roles | None = None) -> Rooms:
         """Room of the requirements that have a role (all must hold if None) at x."""
         wanted = None if roles is None else roles.names
         at_x = evaluations_at(self.problem, x, self.holding, wanted)
@@ -257,7 +285,7 @@ class ElasticProgramme:
                     room = np.concatenate([room, share + roles.most[c.name]], axis=1)
                     names += [f"{c.name} at most"] * share.shape[1]
         costs = _costs(room[0].real, names, roles or Roles((), ()))
-        return _Rooms(x, names, room[0].real, room.imag.T / STEP, *costs)
+        return Rooms(x, names, room[0].real, room.imag.T / STEP, *costs)
 
 
 def _constraint_per_slack(evaluation: Evaluation) -> Array:
@@ -279,7 +307,7 @@ def _costs(room: Array, names: Sequence[str], roles: Roles) -> tuple[float, floa
     return largest + EACH * float(short[group >= 0].sum()), float(short[group < 0].sum())
 
 
-def _step(at: _Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[str]]:
+def _step(at: Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[str]]:
     """Linear programme of one step: change of x, cost foreseen, requirements with a multiplier.
 
     least Σ t + Σ w e  with  c + C d + e ≥ 0,  e ≥ 0,  and e ≤ t of its group, w = EACH for the

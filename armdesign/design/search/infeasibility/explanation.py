@@ -8,12 +8,13 @@ relaxed a little more.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.record import Concession, Evaluation, Requirement
@@ -36,11 +37,15 @@ from armdesign.errors import InfeasibleError
 
 # shares by which limits are tightened, until there is a conflict
 TIGHTENED_BY = (1e-4, 1e-3, 3e-3, 1e-2)
-MORE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # of their limits that requirements give besides
+# of their limits that requirements give besides, until a drawing has room
+MORE, MORE_OF_COARSE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2), (3e-3, 1e-2, 3e-2)
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
+NOTHING = 1e-4  # of a limit, which is not said where more is given besides
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
 
 T = TypeVar("T")
+Enough: TypeAlias = Callable[[Problem], bool]
+Subsets: TypeAlias = tuple[tuple[str, ...], ...]
 
 
 def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], catalogue: bool) -> T:
@@ -59,6 +64,10 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
             answer = design(problem.under(requirements), bool(refusals))
         except InfeasibleError as refusal:
             refusals.append(refusal)
+            if refusal.tried:
+                settled = True
+                requirements = requirements.granting(refusal.conflict)
+                break
             granted = requirements.granting(refusal.conflict)
             if granted == requirements:  # nothing that a file could state helps
                 break
@@ -73,7 +82,7 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
     conflict = _all_together(problem, refusals, requirements)
     last = [] if settled else [c.name for c in refusals[-1].conflict]
     none_meets, otherwise = "no design meets", ""
-    if catalogue:
+    if catalogue and any(WITH_SIZES in refusal.fault for refusal in refusals):
         none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
     raise conflict_error(
         problem.machine.name, conflict, none_meets, settled, otherwise, last, least=False
@@ -123,7 +132,7 @@ def require_feasible(search: Search) -> Search:
     search = restore_feasibility(search)
     if search.violation <= MISSED:
         return search
-    conflict = _Conflict.near(search, TIGHTENED_BY[0] if search.problem.vector.moving else 0.0)
+    conflict = Conflict.near(search)
     if conflict.must_give:
         raise conflict.error("no design meets")
     return run_from_feasible(search, conflict.x)
@@ -132,7 +141,7 @@ def require_feasible(search: Search) -> Search:
 def not_written(search: Search) -> InfeasibleError:
     """The error where designs meet all requirements, but none was found that can be written."""
     for share in TIGHTENED_BY if search.problem.vector.moving else ():
-        conflict = _Conflict.near(search, share)
+        conflict = Conflict.near(search, share)
         if conflict.must_give:
             return conflict.error(f"no sizes and pins {_grid(search.problem)} meet")
     missed = nearest_misses(search)
@@ -148,29 +157,37 @@ def _grid(problem: Problem) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Conflict:
-    """Conflicts near a search, and the least relaxation that a local search finds, if any."""
+class Conflict:
+    """Conflicts near a search, and the least relaxation that a local search finds, if any.
+
+    Attributes:
+        search: near which requirements conflict.
+        subsets: names of the requirements of each conflict, and of what else has to give.
+        relaxation: of these, with which a design is found; None if there is none.
+        among: the search for it.
+        by_sizes: whether they conflict only with sizes that were chosen from a catalogue.
+    """
 
     search: Search
-    subsets: tuple[tuple[str, ...], ...]
+    subsets: Subsets
     relaxation: Relaxation | None
     among: ConflictSearch
+    by_sizes: bool
 
     @classmethod
-    def near(cls, search: Search, share: float) -> _Conflict:
-        """The conflict near a search with limits tightened by a share."""
-        among = ConflictSearch(search.problem.tightened(share), search.x, search.holding)
+    def near(cls, search: Search, share: float | None = None) -> Conflict:
+        """The conflict near a search with limits tightened by a share; a little by default."""
+        among = _among(search, share)
         subsets = among.disjoint_subsets()
         if not subsets:
-            return cls(search, (), None, among)
-        relaxation = among.least_relaxation(subsets)
-        if relaxation is None:  # what conflicts cannot give enough: anything else may help
-            others = tuple(n for n in among.names if not any(n in names for names in subsets))
-            relaxation = among.least_relaxation([*subsets, others])
-            amounts = relaxation.amounts if relaxation else {}
-            helps = tuple(name for name in others if amounts.get(name, 0.0) > 0)
-            subsets = (*subsets, helps) if helps else subsets
-        return cls(search, subsets, relaxation, among)
+            return cls(search, (), None, among, bool(search.problem.sizes))
+        return cls(search, *_relaxed(among, subsets), among, bool(search.problem.sizes))
+
+    def with_sizes(self, search: Search) -> Conflict:
+        """The same conflict, relaxed so far that a search with sizes of a catalogue is allowed."""
+        among = _among(search)
+        subsets, relaxation = _relaxed(among, self.subsets, search.x)
+        return replace(self, search=search, subsets=subsets, relaxation=relaxation, among=among)
 
     @property
     def must_give(self) -> bool:
@@ -182,9 +199,13 @@ class _Conflict:
         """The design that misses least."""
         return self.relaxation.x if self.relaxation else self.among.x
 
-    def error(self, none_meets: str) -> InfeasibleError:
-        """The error that names the conflict and what relaxation is enough, together and alone."""
-        search, amounts = self.search, self.among.amounts(self.among.x)
+    def error(self, none_meets: str, enough: Enough | None = None) -> InfeasibleError:
+        """The error that names the conflict and what relaxation is enough, together and alone.
+
+        ``enough`` tells whether a problem has a design; where none is told, one is sought near
+        the design that misses least, and the error is not ``tried``.
+        """
+        search, amounts, tried = self.search, self.among.amounts(self.among.x), False
         by_name = {name: evaluation for name, (evaluation, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
             lacks = {name: amount for name, (_, amount) in amounts.items() if amount > 0}
@@ -192,14 +213,15 @@ class _Conflict:
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(by_name, together, x)
-            given, _ = _sufficient(search, self.subsets, by_name, together, alone, x)
-        otherwise = ""
-        if search.problem.sizes:
-            none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
+            given, tried = _sufficient(search, self.subsets, by_name, together, alone, x, enough)
+        none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
+        otherwise = OTHER_SIZES if self.by_sizes else ""
         settled = self.relaxation is not None
-        return conflict_error(
+        error = conflict_error(
             search.problem.machine.name, given, none_meets, settled, otherwise, least=False
         )
+        error.tried = enough is not None and tried
+        return error
 
     def _alone(
         self, by_name: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
@@ -229,6 +251,28 @@ class _Conflict:
         return alone
 
 
+def _among(search: Search, share: float | None = None) -> ConflictSearch:
+    """The search for conflicts near a search with limits tightened; a little by default."""
+    if share is None:
+        share = TIGHTENED_BY[0] if search.problem.vector.moving else 0.0
+    return ConflictSearch(search.problem.tightened(share), search.x, search.holding)
+
+
+def _relaxed(
+    among: ConflictSearch, subsets: Subsets, near: Array | None = None
+) -> tuple[Subsets, Relaxation | None]:
+    """The least relaxation of subsets, and of what else helps where they cannot give enough."""
+    for with_places in (False, True):
+        relaxation = among.least_relaxation(subsets, near, with_places)
+        if relaxation is not None:
+            return subsets, relaxation
+    others = tuple(n for n in among.names if not any(n in names for names in subsets))
+    relaxation = among.least_relaxation([*subsets, others], near)
+    amounts = relaxation.amounts if relaxation else {}
+    helps = tuple(name for name in others if amounts.get(name, 0.0) > 0)
+    return ((*subsets, helps) if helps else subsets), relaxation
+
+
 def _sufficient(
     search: Search,
     subsets: Sequence[Sequence[str]],
@@ -236,21 +280,24 @@ def _sufficient(
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
     x: Array,
+    enough: Enough | None = None,
 ) -> tuple[tuple[Concession, ...], bool]:
     """The concessions with which a design near ``x`` is found and can be written, and whether.
 
-    The largest tried if none is.
+    Or with which there is a design as ``enough`` tells. The largest tried if none is.
     """
     problem = search.problem
-    for more in MORE:
+    coarse = problem.grid != FINE and bool(problem.vector.moving)
+    for more in MORE_OF_COARSE if coarse else MORE:
         larger = {}
         for name, amount in amounts.items():
-            if amount > 0:
-                limit = abs(by_name[name].limit)
+            limit = abs(by_name[name].limit)
+            if amount > (NOTHING * limit if coarse else 0.0):
                 most = largest_share(problem.requirements, by_name[name]) * limit
                 larger[name] = max(amount, min(amount + more * limit, most))
         given = concessions(problem.requirements, subsets, by_name, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
-        if inmost_machine(search.of(granted, np.clip(x, *granted.bounds))) is not None:
+        near = search.of(granted, np.clip(x, *granted.bounds))
+        if enough(granted) if enough else inmost_machine(near, any_will_do=True):
             return given, True
     return given, False

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from armdesign.arrays import Array
-from armdesign.design.search.infeasibility.elastic_programme import MET, ElasticProgramme, Roles
+from armdesign.design.program.constraints import holding_rows
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.infeasibility.elastic_programme import (
+    MET,
+    ROUGH,
+    ElasticProgramme,
+    Roles,
+)
 from armdesign.design.search.sequential_sdp import MISSED, Search
 
 # share of what is missed that a step must promise, where a design that meets all is sought
@@ -11,6 +20,18 @@ EXACT = 1e-6
 STRICT = (
     30.0  # times dearer a missed requirement, for a search that left the designs that meet all
 )
+
+
+def nearest_design(problem: Problem, given: Array | None = None) -> Search:
+    """The search of a problem at the design that misses its requirements least.
+
+    Sought from a ``given`` one, today's and drawn ones, without regard to frequency; the first of
+    them if that misses none.
+    """
+    x = problem.vector.start if given is None else np.clip(given, *problem.bounds)
+    programme = ElasticProgramme(problem, x, holding_rows(problem, x))
+    solution = programme.solve(Roles((), programme.names), ROUGH)
+    return Search(problem=problem, x=solution.x, holding=programme.holding).look()
 
 
 def restore_feasibility(search: Search) -> Search:

@@ -90,3 +90,29 @@ def test_rows_of_a_conflict() -> None:
     with_alone = replace(conflict[0], alone=0.004)
     assert conflict_rows([with_alone, conflict[1]])[0][-1] == "4 l (8 %)"
     assert conflict_rows([with_alone, conflict[1]])[1][-1] == "–"
+
+
+def test_many_settings_stand_below_the_table() -> None:
+    """As options of a command, factors in words; the line says how many. What is in conflict and
+    not relaxed is named below, not among the rows.
+    """
+    parts: dict[str, Any] = {"words": "oil", "unit": "m³", "limit": 0.05, "alone": None}
+    settings = ["a_share", "b_share.boom", "c_share", "speed.go"]
+    conflict = [
+        Concession(name=name, setting=setting, together=0.002, value=1.04, **parts)
+        for name, setting in zip("abcd", settings, strict=True)
+    ]
+    conflict.append(Concession(name="e", together=0.0, **parts))
+    error = conflict_error("crane", conflict, least=False)
+    line = (
+        "crane: no design meets a together with b, c, d and e; relax them by the 4 settings below"
+    )
+    assert str(error) == f"{line} the table, which is enough but not proved least"
+    *rows, empty, stays, _, options = error.table.splitlines()
+    assert [row[0] for row in rows] == ["r", "a", "b", "c", "d"]
+    assert (empty, stays) == ("", "not relaxed: e")
+    given = "--set requirements.a_share=1.04 --set requirements.b_share.boom=1.04"
+    assert options == f"{given} --set requirements.c_share=1.04 speed.go × 1.04"
+    error = conflict_error("crane", conflict[:2])
+    assert str(error).endswith("b; relax them: a_share = 1.04, b_share.boom = 1.04")
+    assert "--set" not in error.table

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -100,15 +102,15 @@ def test_granting_what_a_conflict_says_gives_a_design(
 
 @pytest.mark.slow
 def test_granting_a_conflict_of_a_catalogue_gives_a_design_of_it() -> None:
-    """What pins with free sizes must give is not enough for a catalogue: its own sizes are asked
-    at once.
+    """What pins with free sizes must give is not enough for a catalogue: no sizes meet what
+    conflicts, and what it gives is enough for those of the catalogue.
     """
     machine, workspace = MACHINES["single"](), workspace_of("single")
     requirements = replace(
         Requirements.of(machine),
         **ANY_LIFT_AND_TORQUE | TWO | {"oil_total_share": 0.6, "pin_box": 0.01},
     )
-    with pytest.raises(InfeasibleError, match="sizes of the catalogue") as error:
+    with pytest.raises(InfeasibleError, match=r"^odd: no design meets thrust") as error:
         ad.optimize(machine, workspace, requirements, starts=1, catalogue="iso")
     granted = requirements.granting(error.value.conflict)
     design = ad.optimize(machine, workspace, granted, starts=1, catalogue="iso")
@@ -129,6 +131,42 @@ def test_granting_what_the_20_t_machine_asks_for_gives_a_design_of_it(
     refuse_beyond_the_schema(conflict)
     granted = requirements.granting(conflict)
     design = ad.optimize(machine, workspace, granted, starts=1, catalogue=catalogue)
+    assert min(c.slack for c in design.checks) >= -1e-9
+
+
+SHIPPED = [
+    ("patu_boom", {"oil_total_share": 0.8}),
+    ("loader_crane", {"torque_share.default": 1.2}),
+    ("mini_excavator_2t", {"lift_share": 1.5}),
+    ("excavator_12t", {"oil_each_share": 0.75}),  # digging counts under less torque only
+    ("excavator_20t", {"torque_share": 1.2}),
+    ("excavator_20t", {"oil_total_share": 0.7}),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "asked"), SHIPPED)
+def test_settings_as_printed_give_a_design_of_a_shipped_machine(
+    name: str, asked: dict[str, float]
+) -> None:
+    """With what is printed, to its digits, at the paths of the file: the catalogue has a design.
+
+    Conflicts are small, and every row of their table is relaxed.
+    """
+    machine = ad.load(name).replace({f"requirements.{key}": x for key, x in asked.items()})
+    with pytest.raises(InfeasibleError) as error:
+        ad.optimize(machine)
+    refuse_beyond_the_schema(error.value.conflict)
+    parts = Counter(c.part for c in error.value.conflict)
+    assert max(parts.values()) <= 8
+    line, table = str(error.value), error.value.table
+    options = re.findall(r"--set (\S+)=([\d.e-]+)", table)
+    options += [(f"requirements.{k}", x) for k, x in re.findall(r"([\w.]+) = ([\d.]+)", line)]
+    assert options
+    granted = machine
+    for path, value in options:
+        granted = granted.replace({path: float(value)})
+    design = ad.optimize(granted)
     assert min(c.slack for c in design.checks) >= -1e-9
 
 

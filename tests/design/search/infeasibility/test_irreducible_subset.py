@@ -184,3 +184,42 @@ def test_where_pins_close_no_linkage_nothing_is_met() -> None:
         x[2 * len(machine.cylinders) :] *= -1.5
     conflict = ConflictSearch(problem, x, np.zeros(1, dtype=int))
     assert conflict.violated(x)
+
+
+def test_subsets_found_in_linear_programmes_are_irreducible() -> None:
+    """A search that knows none of the designs on the way agrees: none meets a subset, and some
+    meets it without any one of its requirements.
+    """
+    limits = {
+        "oil_total_share": 0.7,
+        "digging_share": 1.2,
+        "moment_arm_share": 1.2,
+        "pin_box": 0.03,
+    }
+    problem = problem_of("double", digging=("lift", "fold"), **limits)
+    start = problem.vector.start
+    subsets = ConflictSearch(problem, start, holding_rows(problem, start)).disjoint_subsets()
+    assert len(subsets) >= 1
+    assert any(len(names) > 1 for names in subsets)
+    for names in subsets:
+        anew = ConflictSearch(problem, start, holding_rows(problem, start))
+        assert not anew.feasible(names)
+        for name in names:
+            assert anew.feasible([other for other in names if other != name]), name
+    left = [n for n in anew.names if not any(n in names for names in subsets)]
+    assert anew.feasible(left)
+
+
+def test_linear_conflict_by_hand() -> None:
+    """Areas alone: A ≤ 0.9 and A ≥ 0.99 of today's are linear, and conflict at any place; either
+    alone does not, nor anything that is met there.
+    """
+    problem = problem_of("single", ("areas",), **TWO)
+    x = problem.vector.start
+    rooms = ConflictSearch(problem, x, holding_rows(problem, x)).rooms(x)
+    assert rooms.missed == {"thrust.lift"}
+    two = ["thrust.lift", "digging.lift"]
+    assert rooms.conflict(two, problem.bounds) == set(two)
+    assert rooms.conflict([*two, "oil.cap.total"], problem.bounds) == set(two)
+    for name in two:
+        assert not rooms.conflict([name], problem.bounds)
