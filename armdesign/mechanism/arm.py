@@ -422,9 +422,9 @@ def of_bar(ends: tuple[VectorJet, VectorJet]) -> tuple[Array, Array, Array]:
     The sums over ``points_of_bar``: with J and K of its ends M = (JᵀJ + KᵀK + (J + K)ᵀ(J + K))/6.
     """
     both = ends[0] + ends[1]
-    parts = (jet.first @ np.swapaxes(jet.first, 1, 2) for jet in (*ends, both))
+    first, last, of_sum = (p.first @ np.swapaxes(p.first, 1, 2) for p in (*ends, both))
     gravity, slope = both.first[:, :, 2], both.second[:, :, :, 2]
-    return sum(parts) / 6, GRAVITY / 2 * gravity, GRAVITY / 2 * slope
+    return (first + last + of_sum) / 6, GRAVITY / 2 * gravity, GRAVITY / 2 * slope
 
 
 def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:
