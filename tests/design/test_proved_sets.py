@@ -13,6 +13,8 @@ from armdesign.design import proved_sets as module
 from armdesign.design.bound.certificate import Certificate
 from armdesign.design.proved_sets import NEAR, bounds_of_others, most_of, others
 from armdesign.design.steps import DesignStep, _proved
+from armdesign.report.designs import _left_open
+from armdesign.report.designs import _proved as _proved_words
 from tests.machines import named
 
 PINS = ("a", "b", "c")
@@ -87,3 +89,13 @@ def test_no_proved_set_gains_more() -> None:
         rival = ad.optimize(machine, space, vary=("areas", other), catalogue=catalogue, starts=3)
         assert rival.gain <= step.gain
         assert list(answer.frame["proved"]) == [one.proved for one in answer.steps]
+
+
+def test_sets_left_open_are_named() -> None:
+    """With the share by which each might be better."""
+    left = {("cylinder.boom.base", "cylinder.stick.rod_end"): 0.00133}
+    none: Any = None
+    step = DesignStep(pins=PINS[:2], design=none, searched=10, built=3, sets=10, open_sets=left)
+    assert (step.proved, step.excess) == (8, 0.00133)
+    assert _left_open(step) == "left open of 2 pins: boom base + stick rod-end +0.13 %"
+    assert _proved_words(step) == "8 of 9; +0.13 %"
