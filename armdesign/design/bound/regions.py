@@ -104,7 +104,7 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
             break
         mixed = multipliers.mixed
         known = plenty if mixed < plenty else region.bound
-        left = max(0.2 * (known - mixed), 0.1 * (mixed - enough))  # to rounds, or to cuts
+        left = 0.1 * max(known - mixed, mixed - enough)  # to rounds, or to cuts
         tolerance = float(np.clip(left, FINE, COARSE))
         maxima = tuple(dual.maxima(multipliers, VAGUE))
         if dual.reaches(multipliers, maxima) < known:
