@@ -38,7 +38,7 @@ class Schemes:
 
     @classmethod
     def of(cls, task: Task) -> Schemes:
-        """Of a task, each pose searched a little."""
+        """Of a task, each pose searched from common gains, then from its neighbours'."""
         simple = proportional(task)
         alone = individual(task, simple)
         common = damped(task).or_wider(simple)

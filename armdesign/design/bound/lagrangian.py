@@ -413,14 +413,6 @@ class LagrangianDual:
         Infinite where a maximum is not finite. That no design of a cylinder is allowed (−∞) counts
         as unknown too, since one allowed design is at hand.
         """
-        return self._with(multipliers, [most.upper for most in maxima])
-
-    def reaches(self, multipliers: Multipliers, maxima: Sequence[Maximum]) -> float:
-        """What ``bound`` cannot fall below, however fine the branching: designs reach it."""
-        return self._with(multipliers, [most.value for most in maxima])
-
-    def _with(self, multipliers: Multipliers, terms: Sequence[float]) -> float:
-        """ω² over the reference where all terms of drives are so much; see ``bound``."""
         driven = {d.cylinder for d in self.drives}
         mass_terms = [(i, added) for i, added in self._mass_terms(multipliers) if i not in driven]
         held = sum(
@@ -429,7 +421,7 @@ class LagrangianDual:
             for i, added in mass_terms
             if i == bar.cylinder
         )
-        squared = (multipliers.constant + held + sum(terms)) / multipliers.light
+        squared = (multipliers.constant + held + sum(m.upper for m in maxima)) / multipliers.light
         return max(self.near, squared) if math.isfinite(squared) else math.inf
 
     def maxima(self, multipliers: Multipliers, tolerance: float) -> list[Maximum]:

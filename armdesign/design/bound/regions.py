@@ -109,18 +109,19 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
             break
         mixed = multipliers.mixed
         known = plenty if mixed < plenty else region.bound
-        left = max(0.2 * (known - mixed), 0.1 * (mixed - enough))  # to rounds, or to cuts
+        left = 0.1 * max(known - mixed, mixed - enough)  # to rounds, or to cuts
         tolerance = float(np.clip(left, FINE, COARSE))
         maxima = tuple(dual.maxima(multipliers, VAGUE))
-        if dual.reaches(multipliers, maxima) < known:
+        reached = [replace(most, upper=most.value) for most in maxima]
+        if dual.bound(multipliers, reached) < known:
             maxima = tuple(dual.maxima(multipliers, tolerance))
         region = replace(region, multipliers=multipliers, maxima=maxima)
         region = region.improved(dual, multipliers, maxima)
         bound = region.bound
         gain = mixed - min(dual.reached, enough)
         close = max(CLOSE, (1.0 if bound <= enough else NEARER) * gain)
-        reached = all(math.isfinite(most.value) for most in maxima)
-        if bound <= plenty or bound - mixed < close or not reached:
+        found = all(math.isfinite(most.value) for most in maxima)
+        if bound <= plenty or bound - mixed < close or not found:
             break
         dual.learn(multipliers, maxima)
     return region
