@@ -4,7 +4,7 @@ With the pressure feedback closed the loops see L_p(jω), whose eigenvalues μ(j
 characteristic loci (MacFarlane). With all position gains times κ a locus passes −1, and a pole the
 imaginary axis, where κ = −1/μ(jω) is a real number: a zero of Im κ(jω), which is a smooth function
 even where μ has the resonance of a mode that is hardly damped. It holds behind a delay as well.
-Bisection of what ``stable`` tells says near which κ to look, and the least stable pole, or the
+Bisection of what ``stable`` tells says between which κ to look, and the least stable pole, or the
 frequency at which I + L_c is most nearly singular, near which ω.
 """
 
@@ -21,9 +21,12 @@ from armdesign.control.loops import Loops
 from armdesign.control.stability import stability, stable
 from armdesign.control.uneven_spools import CREEP
 
-MOST_CRITICAL, BISECTIONS = 8.0, 6
+MOST_CRITICAL = 8.0
+BISECTIONS = 6, 8  # before a crossing is sought, and more where none is found between the last two
 STEPS, SMALL = 6, 1e-6  # of Newton's method, and the frequency's step for its slope
-NEAR = 0.2  # share by which a crossing may lie off what bisection has found, or it is another
+BESIDE = (
+    0.05  # share by which a crossing may lie beside: ``stable`` passes what grows as creep does
+)
 
 
 def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
@@ -32,32 +35,45 @@ def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
     At most ``MOST_CRITICAL``; 0 where the gains are 0.
     """
     n = len(plant)
-    low, high = np.ones(n), np.full(n, MOST_CRITICAL)
-    for _ in range(BISECTIONS):
+    low, high = _bisected(plant, controller, np.ones(n), np.full(n, MOST_CRITICAL), BISECTIONS[0])
+    factor = np.where(high == MOST_CRITICAL, MOST_CRITICAL, 0.0)
+    sought = np.flatnonzero((high < MOST_CRITICAL) & controller.position.any(axis=1))
+    factor[sought] = _exact(plant[sought], controller[sought], low[sought], high[sought])
+    return np.where(controller.position.any(axis=1), factor, 0.0)
+
+
+def _bisected(
+    plant: LoopPlant, controller: Controller, low: Array, high: Array, steps: int
+) -> tuple[Array, Array]:
+    """Factors (n,) nearer to each other between which loops become unstable."""
+    for _ in range(steps):
         middle = np.sqrt(low * high)
         holds = stable(plant, _raised(controller, middle))
         low, high = np.where(holds, middle, low), np.where(holds, high, middle)
-    about = np.sqrt(low * high)
-    found = np.flatnonzero((high < MOST_CRITICAL) & controller.position.any(axis=1))
-    about[high == MOST_CRITICAL] = MOST_CRITICAL
-    about[found] = _exact(plant[found], controller[found], about[found])
-    return np.where(controller.position.any(axis=1), about, 0.0)
+    return low, high
 
 
 def _raised(controller: Controller, factor: Array) -> Controller:
     return replace(controller, position=controller.position * factor[:, None])
 
 
-def _exact(plant: LoopPlant, controller: Controller, about: Array) -> Array:
-    """The least factor (n,) at which a locus passes −1, near the one that bisection has found."""
+def _exact(plant: LoopPlant, controller: Controller, low: Array, high: Array) -> Array:
+    """The least factor (n,) at which a locus passes −1 where bisection has found it."""
+    about = np.sqrt(low * high)
     starts = _ringing(plant, _raised(controller, about))
-    found = [_passing(plant, controller, about, omega) for omega in starts.T]
-    least = np.min(found, axis=0)
-    return np.where(np.isfinite(least), least, about)
+    found = np.array([_passing(plant, controller, about, omega) for omega in starts.T])
+    beside = (found < (1 - BESIDE) * low) | (found > (1 + BESIDE) * high)
+    least = np.where(beside, np.inf, found).min(axis=0)
+    missed = np.flatnonzero(np.isinf(least))
+    low, high = _bisected(
+        plant[missed], controller[missed], low[missed], high[missed], BISECTIONS[1]
+    )
+    least[missed] = np.sqrt(low * high)
+    return np.asarray(least)
 
 
 def _passing(plant: LoopPlant, controller: Controller, about: Array, omega: Array) -> Array:
-    """A factor (n,) at which a locus passes −1, from frequencies (n,) on; inf: none is near."""
+    """A factor (n,) at which a locus passes −1, from frequencies (n,) on; inf: none is found."""
     factor = about + 0j
     for _ in range(STEPS):
         factor, further = (
@@ -66,8 +82,7 @@ def _passing(plant: LoopPlant, controller: Controller, about: Array, omega: Arra
         slope = (further - factor).imag
         share = np.where(slope != 0, SMALL * factor.imag / np.where(slope != 0, slope, 1.0), 0.0)
         omega = omega * (1 - np.clip(share, -0.1, 0.1))
-    passes = (np.abs(factor.imag) < SMALL * about) & (np.abs(factor / about - 1) < NEAR)
-    return np.where(passes, factor.real, np.inf)
+    return np.where(np.abs(factor.imag) < SMALL * about, factor.real, np.inf)
 
 
 def _ringing(plant: LoopPlant, controller: Controller) -> Array:

@@ -35,11 +35,12 @@ from armdesign.machine.poses import (
     refuse_toppling,
     refuse_unreachable,
 )
-from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses, of_points, points_of_bar
+from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
 from armdesign.mechanism.linkage.gear import Gear
+from armdesign.mechanism.point_masses import of_points, points_of_bar
 from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
 from armdesign.short_repr import machine_repr

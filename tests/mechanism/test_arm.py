@@ -18,7 +18,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign import ArmDesignError
-from armdesign.mechanism.arm import Arm, of_bar, of_points, points_of_bar
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.point_masses import of_bar, of_points, points_of_bar
 from tests.machines import BOOM, BUCKET, STICK, Joint, urdf
 
 TELESCOPE = Joint(

@@ -31,7 +31,7 @@ from armdesign.units import GRAVITY
 
 TINY = 1e-6  # [m]
 CUTS = 2  # of every pin coordinate into small boxes
-# of a uniform bar (Simpson), see ``arm.points_of_bar``
+# of a uniform bar (Simpson), see ``point_masses.points_of_bar``
 POINTS = (0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)
 
 

@@ -17,8 +17,9 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses, of_bar
+from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.point_masses import of_bar
 
 InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
 
