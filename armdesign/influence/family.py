@@ -30,8 +30,8 @@ RIGID = "mass_matrix", "gravity_torque", "gravity_stiffness"
 class RowPoses(RigidPoses):
     """Poses of machines that differ from row to row: none has the linkage of another."""
 
-    def distinct(self, joint: int) -> tuple[RigidPoses, Array | slice]:
-        """All poses: equal positions of a joint do not mean equal lengths."""
+    def distinct(self, *joints: int) -> tuple[RigidPoses, Array | slice]:
+        """All poses: equal positions of joints do not mean equal lengths."""
         return self, slice(None)
 
     @classmethod
