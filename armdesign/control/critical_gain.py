@@ -24,9 +24,7 @@ from armdesign.control.uneven_spools import CREEP
 MOST_CRITICAL = 8.0
 BISECTIONS = 6, 8  # before a crossing is sought, and more where none is found between the last two
 STEPS, SMALL = 6, 1e-6  # of Newton's method, and the frequency's step for its slope
-BESIDE = 0.05  # share by which a crossing may lie beside: growth as slow as creep counts as stable
-    0.05  # share by which a crossing may lie beside: ``stable`` passes what grows as creep does
-)
+BESIDE = 0.05  # share by which a crossing may lie beside: what grows as creep does passes
 
 
 def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
