@@ -57,10 +57,11 @@ class RigidPoses:
         The poses themselves where few values occur twice. Worked out once for the same joints.
         """
         if joints not in self._distinct:
-            number = np.zeros(len(self), dtype=int)
-            for joint in joints:
+            number = self.q[:, joints[0]]
+            for joint in joints[1:]:
+                _, before = np.unique(number, return_inverse=True)
                 values, own = np.unique(self.q[:, joint], return_inverse=True)
-                _, number = np.unique(number * len(values) + own, return_inverse=True)
+                number = before * len(values) + own
             _, first, back = np.unique(number, return_index=True, return_inverse=True)
             few = 2 * len(first) < len(self)
             # not the poses themselves: they would wait for the collector of cycles
