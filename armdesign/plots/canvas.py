@@ -48,7 +48,7 @@ WIDTH = 10.0  # [in] of every figure, so that words are of one size wherever two
 FORMATS = ("png", "svg", "pdf")
 _too = ContextVar("format in which a PNG is written, too", default="png")
 DOTS = 150  # per inch of a picture
-PALETTE = 256  # colours of a picture without a field
+PALETTE = 256  # colours of a picture in which none stands for a value
 POINTS = 72  # per inch, of sizes of letters
 PAPER = 0.88  # of the width of a part of a figure, for its title
 STYLE = {
@@ -203,7 +203,7 @@ def save(fig: Any, path: Path) -> Path:
 
 
 def _picture(fig: Any) -> Any:
-    """A figure as drawn, in few colours unless it shows a field, in which steps would be seen.
+    """A figure as drawn, in few colours unless colours stand for values: steps would be seen.
 
     Few colours are a third of the file, and pages hold it as it is.
     """
@@ -211,7 +211,7 @@ def _picture(fig: Any) -> Any:
 
     picture = Image.fromarray(np.asarray(fig.canvas.buffer_rgba())).convert("RGB")
     drawn = (part for ax in fig.axes for part in ax.collections)
-    if any(np.size(part.get_array()) > PALETTE for part in drawn):
+    if any(part.get_array() is not None for part in drawn):
         return picture
     return picture.quantize(PALETTE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
