@@ -226,22 +226,28 @@ class _Bandwidths:
         )
 
     def _growth(self, problem: Problem, x: Array, few: Array) -> Places:
-        """Slopes by x of the logarithm of bandwidth over frequency (n, nx); 0 but at a few."""
+        """Slopes by x of the logarithm of bandwidth over frequency (n, nx); 0 but at a few.
+
+        The smaller of the slopes to either side, as gains leap somewhere.
+        """
         sample = self.sample.subset(few)
         growth = {name: np.zeros((len(each), len(x))) for name, each in self.today.items()}
+        about = bandwidths(_at(problem, x), sample, self.damping)[1]
         for k, v in enumerate(problem.vector.variables):
             if not v.free:
                 continue
             step = MOVED / problem.vector.pin_box if v.pin is not None else RESIZED
-            ends = []
+            beside = []
             for sign in (1, -1):
                 moved = x.copy()
                 moved[k] += sign * step
-                ends.append(bandwidths(_at(problem, moved), sample, self.damping)[1])
+                beside.append(bandwidths(_at(problem, moved), sample, self.damping)[1])
             for name, slopes in growth.items():
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    slope = np.log(ends[0][name] / ends[1][name]) / (2 * step)
-                slopes[few, k] = np.nan_to_num(slope, posinf=0.0, neginf=0.0)
+                    after, before, here = np.log([at[name] for at in (*beside, about)])
+                    sides = np.nan_to_num([after - here, here - before], posinf=0.0, neginf=0.0)
+                gentler = np.abs(sides).argmin(axis=0)
+                slopes[few, k] = np.take_along_axis(sides, gentler[None], axis=0)[0] / step
         return growth
 
 

@@ -14,6 +14,9 @@ the spool's natural frequency, and falls to the mean s over the larger one, abov
 1 : 7 with 5° of phase at most. Loops that keep 6 dB stay stable with that. Pistons drift by the
 mean of x/s(x). Position loops answer that, within 1/K, by a demand that brings the mean back to 0:
 then N is nearer to G.
+
+What is over before it has swung, with a damping ratio above √½, has no describing function: its
+pole is the linear one.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import LoopPlant
 
@@ -60,8 +63,8 @@ def passed(plant: LoopPlant, omega: Array, mean: Array | float = 0.0) -> Passed:
 def swings(plant: LoopPlant, controller: Controller, count: int | None = None) -> Array:
     """Poles of the closed loops (n, m) [rad/s] of small swings that begin, the least damped first.
 
-    To first order in N/G − 1, and for each with the N of its own frequency; NaN in place of poles
-    that only creep.
+    To first order in N/G − 1, and for each that lasts with the N of its own frequency; NaN in
+    place of poles that only creep.
 
     Args:
         plant: of n poses.
@@ -81,7 +84,13 @@ def swings(plant: LoopPlant, controller: Controller, count: int | None = None) -
     seen = np.take_along_axis(left[:, :, :ns], order[..., None], axis=1) @ plant.B
     poles, swinging = (np.take_along_axis(each, order, axis=1) for each in (poles, swinging))
     more = passed(plant, np.abs(poles.imag)).share - 1
-    return np.where(swinging, poles + (seen * more * moved).sum(axis=2), np.nan)
+    changed = np.where(lasts(poles), (seen * more * moved).sum(axis=2), 0.0)
+    return np.where(swinging, poles + changed, np.nan)
+
+
+def lasts(pole: Array) -> Flags:
+    """Whether swings last for a period: at least e^−2π of their amplitude is left then."""
+    return np.abs(pole.real) < np.abs(pole.imag)
 
 
 def least_damping(plant: LoopPlant, controller: Controller) -> Array:

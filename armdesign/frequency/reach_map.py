@@ -43,16 +43,12 @@ NEAR = 12  # random poses about the lowest of each cell,
 WIDTHS = 0.6, 0.3, 0.15  # and how far from it, in steps between the poses inside
 FEW = 5  # poses tried in a cell that is but a sliver,
 ASTRAY = 4.0, 1.0, 0.3  # and how far astray from its lowest others are led back, in such steps
-INEXACT = (
-    0.01  # relative error of an interpolated frequency from which poses about it are computed
-)
+INEXACT = 0.01  # relative error of an interpolated frequency about which poses are computed
 FAR = 1.15  # times a known frequency: what is found first is hardly 7 % above the lowest
 CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
-WHOLE = (
-    1 - 1e-9
-)  # of a cell: the longer side has one more than their number, whatever the rounding
+WHOLE = 1 - 1e-9  # of a cell: the longer side has one more than their number, however rounded
 EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 
@@ -106,6 +102,7 @@ def reach_map(cases: Sequence[CasePoses], points: Array, count: int | None = Non
     least = np.full([len(axis) for axis in cells], np.inf)
     _lower(least, known, cells)
     pairs = zip(cases, of_case, strict=True)
+    between = between and least.size > 1  # else the tool does not move
     for case, of_one in sorted(pairs, key=lambda pair: pair[1][:, 2].min()) if between else ():
         _lower(least, _Between(case, of_one).lowest(cells, least), cells)
     return ReachMap(*cells, np.where(np.isinf(least), np.nan, least))

@@ -24,7 +24,7 @@ from armdesign.arrays import Array, ReadOnly
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import LoopPlant, loop_plant
 from armdesign.control.stated_damping import controllable
-from armdesign.control.uneven_spools import passed
+from armdesign.control.uneven_spools import lasts, passed
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
@@ -237,8 +237,12 @@ def _averaged(
     (|v_i| |a|); joints drift by R⁻¹ w, and position loops demand d = −R K R⁻¹ ∫ w dt. So
 
         ȧ = λ(b) a,     ḃ = −R K R⁻¹ |v| W(b)/|v| − Re λ(b) b
+
+    What is over before it has swung keeps its pole.
     """
     pole, right, left = mode
+    if not lasts(np.array(pole)):
+        return pole
     ns, nc = loops.B.shape[1:]
     omega, spools = np.array([[abs(pole.imag)]]), right[ns : ns + nc]
     size = np.abs(spools / loops.spool(1j * omega)[0, 0])
