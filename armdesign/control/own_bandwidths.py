@@ -20,8 +20,8 @@ from armdesign.control.position_gains import individual
 from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
 PASSES = 2  # over all poses, from what those next to each have found
-STARTS, TOGETHER = 4, 4  # searches of the lowest rows, and how many rows at once
-AROUND = 0.3  # spread of logarithms of gains from which they begin
+STARTS, TOGETHER = 32, 8  # searches of the lowest rows, and how many rows at once
+AROUND = 0.6  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
 
 
