@@ -209,7 +209,8 @@ class _Bandwidths:
         machine = _at(problem, x)
         widths, ratios = bandwidths(machine, self.sample, self.damping)
         few = narrowest(widths, self.today, FEW)
-        growth = self._growth(problem, x, few)
+        about = {name: ratio[few] for name, ratio in ratios.items()}
+        growth = self._growth(problem, x, few, about)
         known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios.values()])
         least, most = LEAST_RATIO * float(np.median(known)), float(known.max())
         return Emphasis(
@@ -225,14 +226,14 @@ class _Bandwidths:
             judge=self.least,
         )
 
-    def _growth(self, problem: Problem, x: Array, few: Array) -> Places:
+    def _growth(self, problem: Problem, x: Array, few: Array, about: Places) -> Places:
         """Slopes by x of the logarithm of bandwidth over frequency (n, nx); 0 but at a few.
 
-        The smaller of the slopes to either side, as gains leap somewhere.
+        The smaller of the slopes to either side of what is known ``about`` x, as gains leap
+        somewhere.
         """
         sample = self.sample.subset(few)
         growth = {name: np.zeros((len(each), len(x))) for name, each in self.today.items()}
-        about = bandwidths(_at(problem, x), sample, self.damping)[1]
         for k, v in enumerate(problem.vector.variables):
             if not v.free:
                 continue
