@@ -7,6 +7,11 @@ A closed valve leaves a chamber at return pressure, at whose edge there is no pr
 sweep with. Oil without air is as stiff under any pressure, so there the sweeps run about a preload
 instead: p1 + p2 = supply + return, or less where a relief would open. Oil with air rests as the
 machine file says, like the linear answer.
+
+A pump of limited flow fills the line to its valves again within a millisecond or so, and no step
+of an explicit integration may be much longer, though nothing in a sweep is as fast. So the sweeps
+have a line of more oil, filled again at ``REFILL`` times ω of the fastest mode. What the pump
+gives at every pressure is the machine's.
 """
 
 from __future__ import annotations
@@ -14,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -54,6 +60,7 @@ LARGEST_OPENING = 0.5
 LEAST_END = 1e-3  # of the stroke
 FINER = 32  # points of a spectrum for each of its lines, where its peak is looked for
 CREEP = 0.01  # of the supply pressure: a chamber that drifts by more in a sweep
+REFILL = 4.0  # least rate at which the pump fills its line, relative to ω of the fastest mode
 HOLD_SHARE = 0.25  # corner of the loop that holds the mean, of the lowest frequency of the band
 
 
@@ -174,7 +181,7 @@ class Experiment:
         unless one is given [s].
         """
         return SimulationCase(
-            machine=self.machine,
+            machine=self._swept_machine,
             q=self.pose,
             command=self.commands(excitation),
             duration=duration or self.duration,
@@ -182,6 +189,17 @@ class Experiment:
             hold=HOLD_SHARE * self.band[0],
             preloaded=self.preloaded,
         )
+
+    @cached_property
+    def _swept_machine(self) -> Machine:
+        """The machine with no less oil between pump and valves than ``REFILL`` asks for."""
+        machine, supply = self.machine, self.machine.supply
+        if not supply.flow_limited:
+            return machine
+        slope = supply.flow / (supply.cut_off * supply.pressure)
+        rate = REFILL * 2 * math.pi * float(self.frequencies.max())
+        volume = max(supply.line_volume, slope * machine.fluid.bulk_modulus / rate)
+        return replace(machine, supply=replace(supply, line_volume=volume))
 
     def fit(self, motion: Simulation) -> ModalFit:
         """The modes in the response of the piston's speed to the speed that the spool asks for.

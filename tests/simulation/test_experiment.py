@@ -1,4 +1,4 @@
-"""One experiment gives the same mode under any excitation."""
+"""One experiment gives the same mode under any excitation, and with any line to its pump."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign.simulation.experiment import Experiment
+from armdesign.simulation import experiment
+from armdesign.simulation.experiment import REFILL, Experiment
 from armdesign.simulation.simulate import simulate_all
 from tests.simulation.oscillator import multisine
 from tests.simulation.valves import WORST
@@ -27,3 +28,22 @@ def test_multisine_on_the_plant(name: str, pose: list[float]) -> None:
     excitation.breakpoints = (0.0, period)  # type: ignore[attr-defined]
     run = simulate_all([one.case(excitation)], tolerance=1e-7)[0]
     assert one.fit(run).natural_frequencies == pytest.approx([one.target], rel=2e-3)
+
+
+@pytest.mark.slow
+def test_a_line_of_more_oil_leaves_the_modes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pump's line holds several times its oil in the sweeps; with the file's own line
+    frequencies are within 1e-5 of theirs.
+    """
+    machine, index = ad.load("excavator_20t"), 2
+    fits, volumes = [], []
+    for refill in (REFILL, 1e9):
+        monkeypatch.setattr(experiment, "REFILL", refill)
+        one = Experiment.of(machine, np.array(WORST), index, 1)
+        case = one.case(one.swept_sine(one.default_amplitude()))
+        volumes.append(case.machine.supply.line_volume)
+        fits.append(one.fit(simulate_all([case], tolerance=1e-7)[0]))
+    larger, own = fits
+    assert volumes[0] > 3 * volumes[1] == 3 * machine.supply.line_volume
+    assert larger.natural_frequencies == pytest.approx(own.natural_frequencies, rel=1e-5)
+    assert larger.damping_ratios == pytest.approx(own.damping_ratios, rel=1e-3)
