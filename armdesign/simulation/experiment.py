@@ -207,7 +207,8 @@ class Experiment:
         Raises:
             SimulationError: the spool opened nothing, or see ``identify_forced_response``.
         """
-        return identify_forced_response(*self._record(motion), self.band, self.modes, self._part)
+        record, modes = self._record(motion), self.modes
+        return identify_forced_response(*record, self.band, modes, self._part, noisy_input=False)
 
     def on_resonance(self, motion: Simulation, fit: ModalFit, frequency: float) -> Array:
         """Response at a natural frequency and the lines beside it (2, m): [Hz] and magnitude.

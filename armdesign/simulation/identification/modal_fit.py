@@ -15,7 +15,8 @@ response, free of that smear, is (Y − E/A)/U.
 
 Noise of the input reaches the output through the response H: the lines then scatter by σ² + |H|²
 times the input's own variance, which is largest at resonance, where few lines tell. What the input
-holds above the band measures that variance; fits with and without it are averaged.
+holds above the band measures that variance; fits with and without it are averaged. An input that
+is known exactly has none.
 """
 
 from __future__ import annotations
@@ -106,6 +107,8 @@ def identify_forced_response(
     band: tuple[float, float],
     modes: int = 1,
     part: str = "response",
+    *,
+    noisy_input: bool = True,
 ) -> ModalFit:
     """Natural frequencies and damping ratios of the modes that a forced response shows in a band.
 
@@ -119,6 +122,8 @@ def identify_forced_response(
         band: lowest and highest frequency that counts [Hz].
         modes: how many modes the band holds.
         part: name of the record for messages.
+        noisy_input: the input was measured, with noise. Without, as in a simulation, what it holds
+            above the band is part of it.
 
     Raises:
         SimulationError: the record is too short or has no even instants, nothing moves, or the
@@ -139,7 +144,7 @@ def identify_forced_response(
     """
     record = signals_of(part, time, excitation, response)
     frequency, u, y = _spectra_within(band, record, modes, part)
-    noise = _variance_above(record[1][0], record[0], ABOVE * band[1])
+    noise = _variance_above(record[1][0], record[0], ABOVE * band[1]) if noisy_input else 0.0
     return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part, noise)
 
 
@@ -313,11 +318,8 @@ def _fit(
     mean = np.einsum("i,ijk->jk", weights, poles)
     deviations, remainders = _deviations(fits, weights, poles - mean)
     if np.any(mean[:, 1] >= OVERDAMPED) or np.all(deviations[:, 0] >= mean[:, 0]):
-        raise SimulationError(
-            part,
-            "shows no oscillation in the band",
-            "it is overdamped, or the amplitude too small",
-        )
+        remedy = "it is overdamped, or the amplitude too small"
+        raise SimulationError(part, "shows no oscillation in the band", remedy)
     likeliest = fits[int(np.argmax(weights))]
     fitted, ends = likeliest.spectra(lines, lines.s)
     dense = np.linspace(frequency[0], frequency[-1], 800)
@@ -424,10 +426,8 @@ def _starts(lines: Lines, degrees: tuple[int, int, int]) -> Array:
         starts = [[[w, z]] for w in np.geomspace(low, high, 7)[1:-1] for z in STARTS]
     if len(roots) == modes:
         size = np.abs(roots)
-        plain = np.stack(
-            [np.clip(size, low, high), np.clip(-roots.real / size, 1e-3, 0.7)], axis=1
-        )
-        starts.append(plain.tolist())
+        plain = np.clip(size, low, high), np.clip(-roots.real / size, 1e-3, 0.7)
+        starts.append(np.transpose(plain).tolist())
     return np.array(starts)
 
 
