@@ -32,6 +32,7 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
+from armdesign.simulation.identification.averaging import averaged
 from armdesign.simulation.identification.records import signals_of
 from armdesign.simulation.identification.residual_terms import (
     Answer,
@@ -308,15 +309,13 @@ def _fit(
         part: name of the response for messages.
         input_noise: variance of the input's lines by noise.
     """
-    scaled, modes = _Scaled.of(frequency, u, y, weight, ends=degrees[2] > 0), degrees[0] // 2
+    scaled = _Scaled.of(frequency, u, y, weight, ends=degrees[2] > 0)
     lines, middle, inputs, outputs = scaled.lines, scaled.middle, scaled.inputs, scaled.outputs
     fits = answers(lines, _starts(lines, degrees))
     if input_noise > 0:
         fits += _with_input_noise(lines, fits, input_noise / inputs**2)
     weights = weights_of(fits)
-    poles = np.array([one.poles[:modes] for one in fits])
-    mean = np.einsum("i,ijk->jk", weights, poles)
-    deviations, remainders = _deviations(fits, weights, poles - mean)
+    mean, deviations, remainders = averaged(fits, weights)
     if np.any(mean[:, 1] >= OVERDAMPED) or np.all(deviations[:, 0] >= mean[:, 0]):
         remedy = "it is overdamped, or the amplitude too small"
         raise SimulationError(part, "shows no oscillation in the band", remedy)
@@ -365,19 +364,6 @@ class _Scaled:
         s = 1j * frequency / middle
         lines = Lines(s, u / inputs, weight * y / outputs, weight, ends)
         return cls(lines, middle, inputs, outputs)
-
-
-def _deviations(fits: list[Answer], weights: Array, apart: Array) -> tuple[Array, Array]:
-    """Standard deviations of ω and ζ (m, 2): in all, and without noise.
-
-    ``apart``: each answer less the mean.
-    """
-    within = np.array([np.diag(one.covariance).reshape(-1, 2) for one in fits])
-    noise = np.array([np.diag(one.noise).reshape(-1, 2) for one in fits])
-    variance, of_noise = (
-        np.einsum("i,ijk->jk", weights, each) for each in (within + apart**2, noise)
-    )
-    return np.sqrt(variance), np.sqrt(np.maximum(variance - of_noise, 0))
 
 
 def _variance_above(signal: Array, step: float, frequency: float) -> float:
