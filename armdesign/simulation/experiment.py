@@ -259,16 +259,14 @@ class Experiment:
 
     def _swing(self, linear: LinearModel) -> tuple[Array, Array, Array, Array]:
         """Largest swings of joints, pressures [Pa], pistons [m] in a linear sweep of opening 1."""
-        from scipy.signal import StateSpace, lsim
-
         plant, size = self.plant, len(linear.A) - 2 * self.plant.nc
         time = np.arange(0, self.duration, 1 / self.rate)
         pistons = linear.select(outputs="piston positions").C
         outputs = np.vstack([np.eye(size), pistons[:, :size]])
-        column = self._opening_column()[:size, None]
-        system = StateSpace(linear.A[:size, :size], column, outputs, np.zeros((len(outputs), 1)))
-        opening = list(map(self.swept_sine(1.0), time.tolist()))
-        swing = np.abs(lsim(system, opening, time)[1]).max(axis=0)
+        opening = np.array(list(map(self.swept_sine(1.0), time.tolist())))
+        column = self._opening_column()[:size]
+        states = linear_answer(linear.A[:size, :size], column, opening, 1 / self.rate)
+        swing = np.abs(states @ outputs.T).max(axis=0)
         edges = np.cumsum([plant.nq, plant.nq, plant.nc, plant.nc, int(plant.has_line)])
         joints, _, cap, annulus, _, pistons = np.split(swing, edges)
         return joints, cap, annulus, pistons
@@ -331,6 +329,32 @@ class Experiment:
                 break
             share *= max(0.9 * DETUNING / change, 0.2)
         return share
+
+
+def linear_answer(A: Array, column: Array, values: Array, step: float) -> Array:
+    """States (n, ns) of ẋ = A x + b u from rest, exact for u straight between its values (n,).
+
+    Args:
+        A: (ns, ns).
+        column: b (ns,).
+        values: of u, ``step`` [s] apart.
+        step: [s].
+    """
+    from scipy.linalg import expm
+
+    size, n = len(A), len(values)
+    extended = np.zeros((size + 2, size + 2))  # by u and by its change within a step
+    extended[:size, :size], extended[:size, size] = A * step, column * step
+    extended[size, size + 1] = 1.0
+    grown = expm(extended)
+    power, by_value, by_change = grown[:size, :size].T, grown[:size, size], grown[:size, size + 1]
+    states = np.zeros((n, size))
+    states[1:] = np.outer(values[:-1], by_value) + np.outer(np.diff(values), by_change)
+    reach = 1  # steps over which the answers to all values are summed by now
+    while reach < n:
+        states[reach:] += states[:-reach] @ power
+        power, reach = power @ power, 2 * reach
+    return states
 
 
 def _count(frequencies: Array, band: tuple[float, float]) -> int:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import StateSpace, lsim
 
 import armdesign as ad
 from armdesign.simulation import experiment
-from armdesign.simulation.experiment import REFILL, Experiment
+from armdesign.simulation.experiment import REFILL, Experiment, linear_answer
 from armdesign.simulation.simulate import simulate_all
 from tests.simulation.oscillator import multisine
 from tests.simulation.valves import WORST
@@ -28,6 +29,17 @@ def test_multisine_on_the_plant(name: str, pose: list[float]) -> None:
     excitation.breakpoints = (0.0, period)  # type: ignore[attr-defined]
     run = simulate_all([one.case(excitation)], tolerance=1e-7)[0]
     assert one.fit(run).natural_frequencies == pytest.approx([one.target], rel=2e-3)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 700])
+def test_linear_answers_are_exact(count: int) -> None:
+    """scipy steps from value to value; here an integrator, an oscillator and a fast decay."""
+    A = np.array([[0, 1.0, 0, 0], [0, 0, 1, 0], [0, -40, -0.1, 3], [0, 0, 0, -500]])
+    column, time = np.array([0.2, 0, 0, 500]), 0.01 * np.arange(count)
+    values = np.sin(3 * time**2) + 0.1
+    system = StateSpace(A, column[:, None], np.eye(4), np.zeros((4, 1)))
+    expected = lsim(system, values, time)[1].reshape(count, 4) if count > 1 else np.zeros((1, 4))
+    np.testing.assert_allclose(linear_answer(A, column, values, 0.01), expected, atol=1e-10)
 
 
 @pytest.mark.slow
