@@ -7,8 +7,9 @@ import pytest
 from scipy.signal import StateSpace, lsim
 
 import armdesign as ad
-from armdesign.simulation import experiment
-from armdesign.simulation.experiment import REFILL, Experiment, linear_answer
+from armdesign.simulation import resting
+from armdesign.simulation.experiment import Experiment, linear_answer
+from armdesign.simulation.resting import REFILL
 from armdesign.simulation.simulate import simulate_all
 from tests.simulation.oscillator import multisine
 from tests.simulation.valves import WORST
@@ -50,7 +51,7 @@ def test_a_line_of_more_oil_leaves_the_modes(monkeypatch: pytest.MonkeyPatch) ->
     machine, index = ad.load("excavator_20t"), 2
     fits, volumes = [], []
     for refill in (REFILL, 1e9):
-        monkeypatch.setattr(experiment, "REFILL", refill)
+        monkeypatch.setattr(resting, "REFILL", refill)
         one = Experiment.of(machine, np.array(WORST), index, 1)
         case = one.case(one.swept_sine(one.default_amplitude()))
         volumes.append(case.machine.supply.line_volume)
