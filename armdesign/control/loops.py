@@ -234,6 +234,12 @@ def close_loops(loops: LoopArguments, pose: int, f: int, room: LoopRoom) -> None
 
 
 @borrowing
+def size_of(room: LoopRoom, i: int) -> float:
+    """|T| of a position loop, the others closed, before S is halved."""
+    return abs(1 - room.S[i, i])
+
+
+@borrowing
 def crossing(omega: Array, f: int, last: float, size: float) -> float:
     """Frequency at which a response falls to −3 dB [rad/s], of frequencies omega (f,).
 
@@ -247,12 +253,12 @@ def crossing(omega: Array, f: int, last: float, size: float) -> float:
 
 
 @borrowing
-def halve(room: LoopRoom) -> None:
-    """Make ½(S − T) = S − ½ of S at both openings."""
+def halve(room: LoopRoom, half: float) -> None:
+    """Make ½(S − T) = S − ½ of S at both openings; with −½ again S of it."""
     for i in range(len(room.S_c)):
-        room.S_c[i, i] -= 0.5
+        room.S_c[i, i] -= half
     for i in range(len(room.S)):
-        room.S[i, i] -= 0.5
+        room.S[i, i] -= half
 
 
 @borrowing
@@ -265,7 +271,7 @@ def _write_holds(
         for turn in range(loops.positions.shape[1]):
             f = first if turn == 0 else turn - 1 if turn <= first else turn
             close_loops(loops, rows[row], f, room)
-            halve(room)
+            halve(room, 0.5)
             command = exceeds(room.S_c, limit, room.command)
             if command or exceeds(room.S, limit, room.position):
                 keeps[row], worst[rows[row]] = False, f
@@ -292,14 +298,14 @@ def _write_figures(
             close_loops(loops, pose, f, room)
             for i in range(nq):
                 track = room.closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
-                followed = abs(1 - room.S[i, i])
+                followed = size_of(room, i)
                 _cross(omega[pose], f, followed, last[0], figures.bandwidth[pose], i)
                 widths = figures.command_bandwidth[pose]
                 _cross(omega[pose], f, abs(track), last[1], widths, i)
                 both = abs(room.S[i, i] - 0.5)
                 figures.loop_margins[pose, i] = min(figures.loop_margins[pose, i], 1 / both)
             _keep(room.S, S, f)
-            halve(room)
+            halve(room, 0.5)
             _keep(room.S_c, S_c, f)
         figures.peak[pose] = largest_norm(S, room.position)
         figures.command_margin[pose] = 1 / largest_norm(S_c, room.command)

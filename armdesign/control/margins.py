@@ -68,13 +68,15 @@ class Room(NamedTuple):
     """Room for the computations of one matrix (m, m), which compiled code may not make anew."""
 
     square: Array  # Y Yᴴ of the balanced matrix (m, m)
-    lower: Array  # its Cholesky factor (m, m)
-    squares: Array  # |X|² of all elements, squares of D, and one over them (m + 2, m)
+    lower: Array  # Cholesky factor of limit² I − Y Yᴴ, over its diagonal (m, m)
+    balanced: Array  # Y (m, m)
+    squares: Array  # |X|² of all elements, D and one over it (m + 2, m)
 
     @classmethod
     def of(cls, m: int) -> Room:
         """For matrices (m, m)."""
-        return cls(np.empty((m, m), complex), np.empty((m, m), complex), np.empty((m + 2, m)))
+        square, lower, balanced = (np.empty((m, m), complex) for _ in range(3))
+        return cls(square, lower, balanced, np.empty((m + 2, m)))
 
 
 @borrowing
@@ -99,7 +101,7 @@ def largest_norm(matrices: Array, room: Room) -> float:
     """The largest μ(X) of matrices (f, m, m)."""
     worst, most = 0, 0.0
     for f in range(len(matrices)):
-        squares = _squares(matrices[f])
+        squares = squared_norm(matrices[f])
         if squares > most:
             worst, most = f, squares
     norm = balanced_norm(matrices[worst], 0.0, room)  # hardly any other exceeds it
@@ -111,7 +113,7 @@ def largest_norm(matrices: Array, room: Room) -> float:
 @borrowing
 def exceeds(matrix: Array, limit: float, room: Room) -> bool:
     """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in the room."""
-    if _squares(matrix) <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
+    if squared_norm(matrix) <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
         return False
     return log_room(matrix, limit, room) == -math.inf
 
@@ -138,16 +140,21 @@ def log_room(matrix: Array, limit: float, room: Room) -> float:
             scale[i] = math.sqrt(column / row)  # so that row × d = column / d
             over[i] = 1 / scale[i]
     for i in range(m):
+        scale[i] = math.sqrt(scale[i])
+        over[i] = 1 / scale[i]
+    for i in range(m):
+        for j in range(m):
+            room.balanced[i, j] = matrix[i, j] * (scale[i] * over[j])
         for j in range(i + 1):
             product = 0j
             for k in range(m):
-                product += matrix[i, k] * matrix[j, k].conjugate() * over[k]
-            room.square[i, j] = product * math.sqrt(scale[i] * scale[j])
+                product += room.balanced[i, k] * room.balanced[j, k].conjugate()
+            room.square[i, j] = product
     return _log_pivots(room, limit * limit)
 
 
 @borrowing
-def _squares(matrix: Array) -> float:
+def squared_norm(matrix: Array) -> float:
     """The squared Frobenius norm."""
     total = 0.0
     for i in range(len(matrix)):

@@ -1,27 +1,31 @@
 """Controllers of all rows of a bandwidth map; the rows with the lowest bandwidth searched longest.
 
-Gains of their own are searched at every pose from the common gains and from what the poses next to
-it have found. The rows with the least bandwidth are then searched again and again, until the
-lowest has had ``STARTS`` searches more: the worst of the map no longer rests on the luck of one.
-It is still a lower bound, as any search finds.
+Gains of their own are searched at every pose from the common gains, then from what has been found
+there and at the poses next to it, on a grid of frequencies that has those at which the loops found
+ring. The row with the least bandwidth is then searched from ``STARTS`` starts about all these,
+until the lowest of the map is one that has been searched so ``SEARCHES`` times. It is still a
+lower bound, as any search finds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions, MapPart
 from armdesign.control.own_gains import OwnGains, neighbours
 from armdesign.control.position_gains import individual
+from armdesign.control.stability import stability
 from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
-PASSES = 2  # over all poses, from what those next to each have found
-STARTS, TOGETHER = 32, 8  # searches of the lowest rows, and how many rows at once
-AROUND = 0.6  # spread of logarithms of gains from which they begin
+PASSES = 1  # over all poses, from what those next to each have found
+SEARCHES, STARTS = 2, 64  # of the lowest row, and the starts of each
+LEADERS = 2, 8  # of the starts of all rows, and of the lowest row, that are followed to the end
+AROUND = 0.8  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
 
 
@@ -42,14 +46,13 @@ class Schemes:
         simple = proportional(task)
         alone = individual(task, simple)
         common = damped(task).or_wider(simple)
-        start = _logarithms(task, common)
-        found, near = OwnGains(task), neighbours(task.plant.q)
-        found.improve(start[:, None])
+        start, near = _logarithms(task, common), neighbours(task.plant.q)
+        own = searched(task, start, start[:, None]).or_wider(common)
         for _ in range(PASSES):
-            known = np.where(np.isfinite(found.scores)[:, None], found.x, np.nan)
-            found.improve(known[near])
-        own = safe(task, found.controller(task)).or_wider(common).or_wider(alone)
-        return cls(simple, alone, common, own, start, _logarithms(task, own))
+            x = _logarithms(task, own)
+            starts = np.concatenate([x[:, None], x[near]], axis=1)
+            own = searched(_with_ringing(task, own), start, starts, LEADERS[0]).or_wider(own)
+        return cls(simple, alone, common, own.or_wider(alone), start, _logarithms(task, own))
 
 
 def schemes(parts: Sequence[MapPart], options: ControlOptions) -> list[Schemes | None]:
@@ -63,43 +66,42 @@ def schemes(parts: Sequence[MapPart], options: ControlOptions) -> list[Schemes |
 def _raise_lowest(
     parts: Sequence[MapPart], found: Sequence[Schemes], options: ControlOptions
 ) -> None:
-    """Search the lowest rows again, until the lowest of all has been searched enough."""
+    """Search the lowest row longer, until the lowest of all has been searched so."""
     width = np.concatenate([each.own.figures.narrowest for each in found])
     start, x = (np.concatenate([getattr(each, name) for each in found]) for name in ("start", "x"))
     near = neighbours(np.concatenate([part.poses.q[part.works] for part in parts]))
-    ends = np.cumsum([0, *(len(part.works) for part in parts)])
-    searched, random = np.zeros(len(width), dtype=int), np.random.default_rng(0)
-    while len(rows := _next(width, searched)):
-        spread = AROUND * random.standard_normal(x.shape)
-        for part, each, first in zip(parts, found, ends, strict=False):
-            some = rows[(rows >= first) & (rows < first + len(part.works))]
-            if len(some):
-                # In turn from common gains, and from the best known there and next to it.
-                around = np.concatenate([x[some, None], x[near[some]]], axis=1)
-                fresh = (searched[some] % 2 == 0)[:, None, None]
-                starts = np.where(fresh, start[some, None], around)
-                again, logs = _again(part.task(options, some - first), starts + spread[some, None])
-                better = again.figures.narrowest > width[some]
-                width[some[better]] = again.figures.narrowest[better]
-                x[some[better]] = logs[better]
-                each.own = each.own.replaced(some[better] - first, again[better])
-        searched[rows] += 1
+    part_of = np.repeat(np.arange(len(parts)), [len(part.works) for part in parts])
+    first = np.searchsorted(part_of, part_of)
+    searches, random = np.zeros(len(width), dtype=int), np.random.default_rng(0)
+    while searches[row := int(width.argmin())] < SEARCHES:
+        each, one = found[part_of[row]], np.array([row - first[row]])
+        task = parts[part_of[row]].task(options, one)
+        around = np.concatenate([start[[row]], x[[row]], x[near[row]]])
+        starts = np.resize(around, (STARTS, x.shape[1]))
+        starts = starts + AROUND * random.standard_normal(starts.shape)
+        again = searched(
+            _with_ringing(task, each.own[one]), start[[row]], starts[None], LEADERS[1]
+        )
+        searches[row] += 1
+        if again.figures.narrowest[0] > width[row]:
+            width[row], x[row] = again.figures.narrowest[0], _logarithms(task, again)[0]
+            each.own = each.own.replaced(one, again)
 
 
-def _again(task: Task, starts: Array) -> tuple[Tuned, Array]:
-    """Controllers (n) of one more search at each pose, and logarithms of their gains."""
+def searched(task: Task, within: Array, starts: Array, leaders: int = 1) -> Tuned:
+    """Controllers (n) with own gains, see ``OwnGains.improve``; 0 where none are found."""
     found = OwnGains(task)
-    found.improve(starts)
-    tuned = safe(task, found.controller(task))
-    return tuned, _logarithms(task, tuned)
+    found.improve(within, starts, leaders)
+    return safe(task, found.controller(task))
 
 
-def _next(width: Array, searched: Array) -> Array:
-    """The rows to search next: the lowest, but for those above one that was searched enough."""
-    enough = searched >= STARTS
-    bound = width[enough & (width > 0)].min(initial=np.inf)
-    rows = np.flatnonzero(~enough & (width < bound))
-    return rows[np.argsort(width[rows], kind="stable")[:TOGETHER]]
+def _with_ringing(task: Task, tuned: Tuned) -> Task:
+    """The task on a grid that has the frequencies at which loops ring that were found on another.
+
+    A search goes where a grid has none.
+    """
+    ringing = stability(task.plant, tuned.controller).ringing
+    return replace(task, loops=Loops.of(task.plant, more=ringing))
 
 
 def _logarithms(task: Task, tuned: Tuned) -> Array:

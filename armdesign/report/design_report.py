@@ -93,7 +93,7 @@ def design_report(
 
 
 PICTURES = ("map", "lift", "moment", "frequency")  # how files of pictures begin
-BANDWIDTHS = 24  # poses at which bandwidths are computed: less than 2 s for each machine
+BANDWIDTHS = 24  # poses at which bandwidths are computed: about 1 s for each machine
 
 
 def _buyer(design: Design, pictures: Sequence[Picture], units: Units) -> ReportSection:

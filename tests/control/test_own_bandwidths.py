@@ -10,14 +10,16 @@ import pytest
 from scipy.optimize import differential_evolution
 
 import armdesign as ad
+from armdesign.arrays import Array
+from armdesign.control import own_bandwidths
 from armdesign.control.bandwidth_map import bandwidth_map
 from armdesign.control.controller import closed_loop
 from armdesign.control.loop_plant import loop_plant
 from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
-from armdesign.control.own_bandwidths import STARTS, Schemes, _next
+from armdesign.control.own_bandwidths import SEARCHES, STARTS, Schemes
 from armdesign.control.stability import stable
-from armdesign.control.tuning import Task, safe
+from armdesign.control.tuning import Task, Tuned, safe
 from tests.control.machines import (
     WORST,
     many_plants,
@@ -109,10 +111,22 @@ def test_the_same_gains_again() -> None:
     assert first.gains.equals(second.gains)
 
 
-def test_the_lowest_rows_are_searched_until_the_lowest_had_enough() -> None:
-    width = np.array([3.0, 1.0, 2.0, 0.0])
-    few, enough = np.zeros(4, dtype=int), np.full(4, STARTS)
-    assert list(_next(width, few)) == [3, 1, 2, 0]
-    assert list(_next(width, np.where(width == 2, STARTS, 0))) == [3, 1]
-    assert list(_next(width, np.where(width == 0, STARTS, 0))) == [1, 2, 0]
-    assert len(_next(width, enough)) == 0
+@pytest.mark.slow
+def test_a_map_ends_with_its_lowest_row_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows are searched again, the lowest of all load cases each time, until it had enough."""
+    machine, lowest, counted = ad.load("mini_excavator_2t"), list[float](), list[int]()
+    search = own_bandwidths.searched
+
+    def counting(task: Task, within: Array, starts: Array, leaders: int = 1) -> Tuned:
+        if starts.shape[1] == STARTS:
+            counted.append(len(starts))
+        return search(task, within, starts, leaders)
+
+    workspace = ad.Workspace.grid(machine, points=2)
+    for searches in (0, SEARCHES):
+        monkeypatch.setattr(own_bandwidths, "SEARCHES", searches)
+        monkeypatch.setattr(own_bandwidths, "searched", counting)
+        lowest.append(bandwidth_map(machine, workspace).worst()["own_hz"])
+    assert lowest[1] >= lowest[0]
+    assert len(counted) >= SEARCHES
+    assert set(counted) == {1}
