@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import offered, sized
+from armdesign.design.catalogue.sizes import areas_of_sizes, offered
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.problem import Problem
-from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.file.schema import share_of
 
 
@@ -42,7 +41,7 @@ class CylinderAreas:
             low, high = (vector.areas(end)[i] for end in problem.bounds)
             return cls(np.stack([low / (1 + more), np.minimum(high, most) * (1 + more)]))
         sizes = offered(cylinder, problem.grid.sizes, *vector.resized[i])
-        pairs = areas_of(sized(cylinder, *size) for size in sizes)
+        pairs = areas_of_sizes(cylinder, sizes)
         return cls.of_pairs(pairs[np.all(pairs <= most * (1 + more), axis=1)])
 
     @classmethod

@@ -13,10 +13,9 @@ import numpy as np
 
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
 from armdesign.design.bound.mass_enclosure import BarEnclosure, bar_enclosures
-from armdesign.design.catalogue.sizes import GRID_MM, Sizes, sized, sizes_of
+from armdesign.design.catalogue.sizes import GRID_MM, Sizes, areas_of_sizes, sizes_of
 from armdesign.design.program.problem import Problem
 from armdesign.errors import InfeasibleError
-from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.file.schema import BY_ACTUATOR
 from armdesign.units import mm, outward
 
@@ -96,7 +95,7 @@ def possible_sizes(problem: Problem, i: int, bars: Sequence[BarEnclosure]) -> Si
     if limits is None or limits.areas.pairs is None:
         return ()
     left, sizes = set(map(tuple, limits.areas.pairs)), problem.grid.sizes
-    areas = areas_of(sized(machine.cylinders[i], *size) for size in sizes)
+    areas = areas_of_sizes(machine.cylinders[i], sizes)
     return tuple(size for size, pair in zip(sizes, areas, strict=True) if tuple(pair) in left)
 
 

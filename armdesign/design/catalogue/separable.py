@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.catalogue.sizes import Sizes, offered, sized
+from armdesign.design.catalogue.sizes import Sizes, areas_of_sizes, offered, sized
 from armdesign.design.requirements.check import check, slacks, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
@@ -146,7 +146,25 @@ def _irreducible_subset(sums: SlackSums, columns: Array) -> Array:
 
 PROBES = 40  # random combinations on which requirements must be sums
 TOUCHED = 1e-12  # a slack that changes less does not depend on the sizes
-BATCH = 500  # combinations judged at a time
+BATCH = 2000  # combinations judged at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Sizes to choose from for a cylinder; each makes one of it when it is asked for."""
+
+    cylinder: Cylinder
+    sizes: Sizes
+    proportional: bool  # whether dead volumes grow with the areas
+
+    def __getitem__(self, k: int) -> Cylinder:
+        """The cylinder with a size."""
+        return sized(self.cylinder, *self.sizes[k], self.proportional)
+
+    @cached_property
+    def areas(self) -> Array:
+        """Bore and annulus area with each size (k, 2) [m²]."""
+        return areas_of_sizes(self.cylinder, self.sizes)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -260,18 +278,18 @@ def allowed_sizes(
         raise ArmDesignError("catalogue", fault, "choose sizes without a catalogue")
     within = {"today": today, "workspace": workspace, "requirements": requirements}
     judge = Judge(placed=placed, **within, tolerance=tolerance)  # type: ignore[arg-type]
-    cylinders = []
+    choices = []
     for i, old in enumerate(today.cylinders):
         now = placed.cylinders[i]
         old = replace(old, stroke=now.stroke, closed_length=now.closed_length)
         pairs = offered(old, sizes, *free[i]) if free else sizes
-        cylinders.append([sized(old, *pair, proportional) for pair in pairs])
-    return _allowed(judge, cylinders)
+        choices.append(Choice(old, pairs, proportional))
+    return _allowed(judge, choices)
 
 
-def _allowed(judge: Judge, cylinders: list[list[Cylinder]]) -> AllowedSizes:
+def _allowed(judge: Judge, choices: list[Choice]) -> AllowedSizes:
     """The cylinders that meet all requirements of their own, and the shared requirements."""
-    areas = [areas_of(sizes) for sizes in cylinders]
+    areas = [choice.areas for choice in choices]
     (slack,), changes = judge.slacks(judge.own), []
     for i, own in enumerate(areas):
         tried = np.tile(judge.own, (len(own), 1, 1))
@@ -282,7 +300,7 @@ def _allowed(judge: Judge, cylinders: list[list[Cylinder]]) -> AllowedSizes:
     touched = moved & ~whole
     sums = SlackSums(slack, changes, touched)
     if sums.combination(np.flatnonzero(touched.any(axis=0))) is None:
-        raise _refusal(judge, cylinders, sums)
+        raise _refusal(judge, choices, sums)
     own_alone, shared = touched.sum(axis=0) == 1, np.flatnonzero(touched.sum(axis=0) > 1)
     kept = [
         meeting(slack, change, np.flatnonzero(own_alone & touched[i]))
@@ -290,7 +308,7 @@ def _allowed(judge: Judge, cylinders: list[list[Cylinder]]) -> AllowedSizes:
     ]
     return AllowedSizes(
         cylinders=tuple(
-            tuple(sizes[o] for o in keep) for sizes, keep in zip(cylinders, kept, strict=True)
+            tuple(choice[o] for o in keep) for choice, keep in zip(choices, kept, strict=True)
         ),
         slack=slack[shared],
         changes=tuple(
@@ -313,9 +331,7 @@ def _not_sums(judge: Judge, slack: Array, areas: list[Array], changes: list[Arra
     return np.asarray(np.any(np.abs(true - foreseen) > 1e-9 * (1 + np.abs(true)), axis=0))
 
 
-def _refusal(
-    judge: Judge, cylinders: Sequence[Sequence[Cylinder]], sums: SlackSums
-) -> InfeasibleError:
+def _refusal(judge: Judge, choices: Sequence[Choice], sums: SlackSums) -> InfeasibleError:
     """The error that names requirements that exclude each other, and their least relaxation."""
     every = np.flatnonzero(sums.touched.any(axis=0))
     subsets = disjoint_subsets(sums, every)
@@ -327,7 +343,7 @@ def _refusal(
         most = any_share
         together = sums.nearest(columns, others, most)
     assert together is not None  # what is left can be met
-    checks = _checks(judge, cylinders, together)
+    checks = _checks(judge, choices, together)
     alone: dict[str, float | None] = {}
     for subset in subsets:
         eased = np.zeros(len(sums.slack))
@@ -335,7 +351,7 @@ def _refusal(
         eased[given] = [max(-checks[column].slack, 0.0) + ROUNDING for column in given]
         for column in subset:
             only = sums.eased(eased).nearest(np.array([column]), every[every != column], most)
-            amount = None if only is None else _missed(_checks(judge, cylinders, only)[column])
+            amount = None if only is None else _missed(_checks(judge, choices, only)[column])
             alone[checks[column].name] = amount
     names = [tuple(checks[column].name for column in subset) for subset in subsets]
     amounts = {checks[column].name: _missed(checks[column]) for column in columns}
@@ -353,10 +369,10 @@ def _largest_shares(judge: Judge) -> Array:
 
 
 def _checks(
-    judge: Judge, cylinders: Sequence[Sequence[Cylinder]], combination: Array
+    judge: Judge, choices: Sequence[Choice | Sequence[Cylinder]], combination: Array
 ) -> tuple[Check, ...]:
     """Every requirement of a combination, in the order of the judge's names."""
-    chosen = tuple(sizes[o] for sizes, o in zip(cylinders, combination, strict=True))
+    chosen = tuple(sizes[o] for sizes, o in zip(choices, combination, strict=True))
     machine = replace(judge.placed, cylinders=chosen)
     return check(machine, judge.today, judge.workspace, judge.limits)
 

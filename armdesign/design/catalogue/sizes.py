@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from armdesign.arrays import Array, Numbers
 from armdesign.csv_rows import read_rows
 from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import Cylinder
@@ -165,7 +169,7 @@ def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: boo
     return usable
 
 
-def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = False) -> Cylinder:
+def sized(cylinder: Cylinder, bore: Numbers, rod: Numbers, proportional: bool = False) -> Cylinder:
     """The cylinder with another bore and rod [m]; dead volumes follow if ``proportional``."""
     new = replace(cylinder, bore=bore, rod=rod)
     if not proportional:
@@ -173,6 +177,13 @@ def sized(cylinder: Cylinder, bore: float, rod: float, proportional: bool = Fals
     cap = cylinder.cap_dead_volume * new.bore_area / cylinder.bore_area
     annulus = cylinder.annulus_dead_volume * new.annulus_area / cylinder.annulus_area
     return replace(new, cap_dead_volume=cap, annulus_dead_volume=annulus)
+
+
+def areas_of_sizes(cylinder: Cylinder, sizes: Sizes) -> Array:
+    """Bore and annulus area of the cylinder with each of some sizes (k, 2) [m²]."""
+    bores, rods = np.array(sizes).T
+    new: Any = sized(cylinder, bores, rods)
+    return np.stack([new.bore_area, new.annulus_area], axis=1)
 
 
 def relative_areas(cylinder: Cylinder, bore: float, rod: float) -> tuple[float, float]:
