@@ -104,9 +104,5 @@ def _gain(optimum: Search, names: Sequence[str], expected: float) -> float:
     more = RELAXED * high * np.isin(_pin_boxes(optimum.problem), names)
     problem = optimum.problem.relaxed(dict.fromkeys(names, RELAXED))
     eased = optimum.of(problem, optimum.x, (low - more, high + more))
-    tolerance = max(FINE, ENOUGH * expected)
-    for _ in range(LOOKS):
-        hoped = eased.refine(TRUST, tolerance).merit
-        if eased.look(improved=True).merit > hoped - 10 * tolerance:
-            break
+    eased.run_on(TRUST, max(FINE, ENOUGH * expected), LOOKS)
     return math.sqrt(max(eased.squared / optimum.squared, 1.0)) - 1

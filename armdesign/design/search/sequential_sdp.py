@@ -82,6 +82,8 @@ class Search:
     holding: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     squared: float = field(init=False, default=0.0)  # lowest ω² of x over the workspace [rad²/s²]
     limits: Constraints = field(init=False)  # requirements at x
+    # the design at which the whole workspace was looked at last
+    looked_at: Array | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.reference = max(self.reference, self.problem.dynamics.omega_squared_scale)
@@ -130,6 +132,15 @@ class Search:
                 break
         return self
 
+    @np.errstate(invalid="ignore", divide="ignore")
+    def run_on(self, trust: float, tolerance: float, looks: int) -> Search:
+        """As ``run``, from where the rows watched already are those that count."""
+        for _ in range(looks):
+            hoped = self.refine(trust, tolerance).merit
+            if self.look(improved=True).merit > hoped - 10 * tolerance:
+                break
+        return self
+
     def refine(self, trust: float, tolerance: float) -> Search:
         """Improve ``x`` by the rows watched already: for a design that hardly moves."""
         self.limits = constraints_at(self.problem, self.x, self.holding)
@@ -142,6 +153,8 @@ class Search:
 
         After ``_improve`` the requirements are known at the rows watched so far.
         """
+        if self.looked_at is self.x:
+            return self
         squared, forces = self.problem.dynamics.omega_squared_and_forces(self.x)
         lowest = np.argsort(squared)[:MEMORY]
         spread = np.arange(0, len(squared), max(1, len(squared) // SPREAD))
@@ -151,7 +164,7 @@ class Search:
         if not (improved and np.isin(loaded, self.holding).all()):
             self.holding = np.union1d(self.holding, loaded).astype(int)
             self.limits = constraints_at(self.problem, self.x, self.holding)
-        self.squared = float(squared.min())
+        self.squared, self.looked_at = float(squared.min()), self.x
         return self
 
     def at(self, x: Array, strictness: float | None = None) -> Search:
