@@ -32,12 +32,13 @@ STARTS = 3  # where pins move
 STARTS_OF_FOUR_BARS = 6  # where these move, which have more local optima
 DRAWN_SHARE = 0.7  # of the pin box in which starts are drawn; shrunk by it until they close
 ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
+BRIEFLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-2, "looks": 1, "seen": True}
 TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}
 CURVED_ROUNDS = 4  # of second order and linearised programmes in turn, where four-bars move
 LEAST_RISE = 1e-5  # of today's lowest ω², by the last of them
-ARM_SHAPES = (
-    24  # of the moment arm of every four-bar that moves, from which the best is searched on
-)
+# of the moment arm of every four-bar that moves, from which the best is searched on, and how
+# many of them lead after a few steps and are followed
+ARM_SHAPES, LEADERS = 24, 6
 LEAST_GAIN = 1e-4  # of today's lowest ω²
 NAMED = 3  # requirements, of a start that failed
 LEFT_BELOW = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
@@ -181,6 +182,7 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
     """The best design, or a better one that is found with a four-bar of another shape.
 
     Four-bars have several optima, each with moment arms of its own shape, see ``arm_shapes``.
+    After a few steps from each shape the leaders are followed.
     """
     problem = best.problem
     starts = [
@@ -190,8 +192,14 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
         for x in linkages_of_every_shape(problem, i, ARM_SHAPES)
     ]
     while starts:
-        rough = [Search(problem=problem, x=_with(best.x, x, entries)) for entries, x in starts]
-        other = max(follow_all(rough, workers, **ROUGHLY), key=lambda s: s.merit)
+        designs = [_with(best.x, x, entries) for entries, x in starts]
+        # with the rows that the best one watches
+        brief = [
+            Search(problem=problem, x=x, rows=best.rows, holding=best.holding) for x in designs
+        ]
+        brief = follow_all(brief, workers, **BRIEFLY)
+        leaders = sorted(brief, key=lambda s: -s.merit)[:LEADERS]
+        other = max(follow_all(leaders, workers, **ROUGHLY), key=lambda s: s.merit)
         if other.merit > best.merit + LEAST_GAIN:
             other = follow(other, curved=True, **TO_THE_END)
         if other.merit <= best.merit + LEAST_GAIN or other.violation > max(NEARLY, best.violation):
@@ -286,11 +294,16 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else float(value)
 
 
-def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
+def follow(
+    search: Search, curved: bool = False, seen: bool = False, **settings: Any
+) -> Search:
     """Run a search; with SLSQP before it if ``curved`` and the requirements are nearly met.
 
-    Where four-bars move the two are repeated in turn.
+    Where four-bars move the two are repeated in turn. ``seen``: the rows that it watches already
+    are those that count.
     """
+    if seen:
+        return search.run_on(**settings)
     for _ in range(CURVED_ROUNDS if curved and search.problem.vector.moves_within else 1):
         search.look()
         before = search.merit
