@@ -1,4 +1,4 @@
-"""Point masses and slender bars that points of the arm carry: their M, g and ∂g/∂q."""
+"""Point masses at points of the arm, and slender bars as three of them: their M, g and ∂g/∂q."""
 
 from __future__ import annotations
 
@@ -20,17 +20,6 @@ def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, 
         gravity = gravity + m[..., 0] * GRAVITY * p.first[:, :, 2]
         slope = slope + m * GRAVITY * p.second[:, :, :, 2]
     return inertia, gravity, slope
-
-
-def of_bar(ends: tuple[VectorJet, VectorJet]) -> tuple[Array, Array, Array]:
-    """M, g and ∂g/∂q of a kilogram in a uniform slender bar between two points.
-
-    The sums over ``points_of_bar``: with J and K of its ends M = (JᵀJ + KᵀK + (J + K)ᵀ(J + K))/6.
-    """
-    both = ends[0] + ends[1]
-    first, last, of_sum = (p.first @ np.swapaxes(p.first, 1, 2) for p in (*ends, both))
-    gravity, slope = both.first[:, :, 2], both.second[:, :, :, 2]
-    return (first + last + of_sum) / 6, GRAVITY / 2 * gravity, GRAVITY / 2 * slope
 
 
 def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:

@@ -19,7 +19,6 @@ from numpy.testing import assert_allclose
 
 from armdesign import ArmDesignError
 from armdesign.mechanism.arm import Arm
-from armdesign.mechanism.point_masses import of_bar, of_points, points_of_bar
 from tests.machines import BOOM, BUCKET, STICK, Joint, urdf
 
 TELESCOPE = Joint(
@@ -298,16 +297,3 @@ def test_poses_with_equal_values_of_several_joints_are_worked_out_once() -> None
     same, every = poses.distinct(0, 1)
     assert same is poses
     assert every == slice(None)
-
-
-def test_a_bar_is_the_sum_of_its_points() -> None:
-    """Simpson's three points, each a mass of its own."""
-    poses = arm().rigid_poses(np.random.default_rng(7).uniform(-0.3, 0.3, (20, 4)))
-    links, joints = list(arm().links), tuple(range(4))
-    first, last = (
-        arm().motion(poses, link, np.array([0.3, 0.1, -0.2]), links[0], joints)
-        for link in (links[1], links[-1])
-    )
-    ends = first, last
-    for whole, summed in zip(of_bar(ends), of_points(points_of_bar(1.0, ends)), strict=True):
-        assert_allclose(whole, summed, rtol=1e-12, atol=1e-12)

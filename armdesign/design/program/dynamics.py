@@ -17,13 +17,14 @@ from armdesign.design.program.corners import Corners, Pistons
 from armdesign.design.program.design_vector import ChosenLengths, DesignVector, Geometry
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.lowest_eigenvalues import lowest
-from armdesign.design.program.moving_masses import InertiaAndGravity, summed
+from armdesign.design.program.moving_masses import InertiaAndGravity
 from armdesign.frequency.bands import Corner
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import own_forces, static_forces
 from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.carried_bars import Moments, weighed
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,25 +158,18 @@ class Dynamics:
         if moving is None:
             return known
         poses, back = np.unique(rows.pose[chosen], return_inverse=True)
-        linkages, closed = self.vector.linkages(x), self.vector.strokes(x)[0]
-        if self.vector.moving:
-            rigid = self.workspace.rigid
-            watched = rigid if len(poses) == len(rigid) else self._watched(poses)
-            units = moving.units(linkages, closed, watched)
-        else:
-            mass, gravity, slope = self._unit_masses_today
-            units = mass[:, poses], gravity[:, poses], slope[:, poses]
-        added = summed(moving.masses(self.vector.areas(x), closed, linkages), units)
+        rigid = self.workspace.rigid
+        watched = rigid if len(poses) == len(rigid) else self._watched(poses)
+        areas, closed = self.vector.areas(x), self.vector.strokes(x)[0]
+        linkages = self.vector.linkages(x)
+
+        def moments(i: int, positions: RigidPoses) -> Moments:
+            masses = moving.masses_of(i, areas[i], closed[i], linkages[i])
+            return weighed(masses, moving.moments_of(i, linkages[i], closed[i], positions))
+
+        added = moving.inertia_and_gravity(watched, moments)
         mass = rows.weight[chosen, None, None] * added[0][back]
         return known[0] + mass, known[1] + added[1][back], known[2] + added[2][back]
-
-    @cached_property
-    def _unit_masses_today(self) -> InertiaAndGravity:
-        """M, g and ∂g/∂q of a kilogram of each bar at every pose, for pins that stay."""
-        assert self.vector.moving_masses is not None
-        machine = self.vector.machine
-        closed = np.array([actuator.closed_length for actuator in machine.actuators])
-        return self.vector.moving_masses.units(machine.linkages, closed, self.workspace.rigid)
 
     def stepped_inertia_and_gravity(
         self, x: Array, rows: Rows, chosen: Array

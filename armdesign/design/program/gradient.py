@@ -15,10 +15,11 @@ import numpy as np
 
 from armdesign.arrays import Array, Numbers
 from armdesign.design.program.design_vector import DesignVector, Geometry
-from armdesign.design.program.moving_masses import InertiaAndGravity, summed, summed_by_row
+from armdesign.design.program.moving_masses import InertiaAndGravity
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.carried_bars import Moments, weighed, weighed_by_row
 from armdesign.mechanism.linkage.base import Actuation, Linkage
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
@@ -151,38 +152,37 @@ class SteppedDesign:
 
     def mass_terms(self, rigid: RigidPoses) -> InertiaAndGravity:
         """M, g and ∂g/∂q of the masses that depend on x (nx, n, …)."""
-        moving, linkages, closed = self.vector.moving_masses, self.linkages, self.closed
+        moving = self.vector.moving_masses
         assert moving is not None
-        masses = moving.masses(self.areas, closed, linkages)
-        units = moving.units(linkages, closed[0].real, rigid)
-        total = summed(masses, units)
-        for i in moving.bars:
-            own, entries = moving.rows(i), list(self.vector.moves(i))
-            if not entries:
-                continue
-            unmoved = units[0][own], units[1][own], units[2][own]
-            before = summed(masses[entries, own], unmoved)
-            after = self._moved_mass_terms(i, entries, rigid)
-            for part, new, old in zip(total, after, before, strict=True):
-                part[entries] += new.reshape(old.shape) - old
+        return moving.inertia_and_gravity(rigid, self._moments)
+
+    def _moments(self, i: int, positions: RigidPoses) -> Moments:
+        """Moments of the bars of cylinder ``i`` at positions of its joints (nx, m, …)."""
+        moving, linkage, closed = self.vector.moving_masses, self.linkages[i], self.closed[:, i]
+        assert moving is not None
+        masses = moving.masses_of(i, self.areas[:, i], closed, linkage)
+        total = weighed(masses, moving.moments_of(i, linkage, closed[0].real, positions))
+        if entries := list(self.vector.moves(i)):
+            for whole, moved in zip(
+                total, self._moved_moments(i, entries, positions), strict=True
+            ):
+                whole[entries] = moved.reshape(len(entries), *whole.shape[1:])
         return total
 
-    def _moved_mass_terms(
-        self, i: int, entries: Sequence[int], rigid: RigidPoses
-    ) -> InertiaAndGravity:
-        """M, g and ∂g/∂q of the bars of cylinder ``i``, stepped along entries that move a place.
+    def _moved_moments(self, i: int, entries: Sequence[int], positions: RigidPoses) -> Moments:
+        """Moments of the bars of cylinder ``i``, stepped along entries that move a place.
 
-        All entries at once: as many rows (k·n, …) as there are poses for each of k.
+        All entries at once: as many rows (k·m, …) as there are positions for each of k.
         """
-        moving, count = self.vector.moving_masses, len(rigid)
+        moving, count = self.vector.moving_masses, len(positions)
         assert moving is not None
         areas, closed = (
             np.repeat(part[entries, i], count, axis=0) for part in (self.areas, self.closed)
         )
         linkage = self._stepped_by_row(i, entries, count)
-        rows = rigid[np.tile(np.arange(count), len(entries))]
-        moved = moving.masses_of(i, areas, closed, linkage)
-        return summed_by_row(moved, moving.units_of(i, linkage, closed, rows))
+        rows = positions[np.tile(np.arange(count), len(entries))]
+        masses = moving.masses_of(i, areas, closed, linkage)
+        return weighed_by_row(masses, moving.moments_of(i, linkage, closed, rows))
 
     def _pin_step(self, slope: Numbers = 1.0) -> Numbers:
         """What a quantity of this slope by a coordinate of a pin gains by the complex step."""

@@ -8,7 +8,7 @@ gravity and its slope are affine in the areas.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -18,8 +18,8 @@ from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.carried_bars import Moments, inertia_and_gravity, of_bar
 from armdesign.mechanism.linkage.base import Linkage
-from armdesign.mechanism.point_masses import of_bar
 
 InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
 
@@ -82,18 +82,6 @@ class MovingMasses:
             cylinders[i] = with_masses(cylinders[i], dict.fromkeys(names, 0.0))
         return replace(self.machine, cylinders=tuple(cylinders))
 
-    def rows(self, i: int) -> slice:
-        """Places of the bars of cylinder ``i`` among all of them."""
-        first = sum(len(names) for k, names in self.bars.items() if k < i)
-        return slice(first, first + len(self.bars[i]))
-
-    def masses(self, areas: Array, closed: Array, linkages: Sequence[Linkage]) -> Array:
-        """Mass of each bar (…, k) [kg] by areas (…, nc, 2) [m²], closed lengths [m] and bars."""
-        return np.concatenate(
-            [self.masses_of(i, areas[..., i, :], closed[..., i], linkages[i]) for i in self.bars],
-            axis=-1,
-        )
-
     def masses_of(self, i: int, areas: Array, closed: Any, linkage: Linkage) -> Array:
         """Mass of each bar of one cylinder (…, k) [kg]."""
         each = masses(self.machine.cylinders[i], self.machine.linkages[i], areas, closed, linkage)
@@ -102,42 +90,48 @@ class MovingMasses:
             np.broadcast_arrays(like, *(each[name] for name in self.bars[i])), axis=-1
         )[..., 1:]
 
-    def units(
-        self, linkages: Sequence[Linkage], closed: Array, rigid: RigidPoses
+    def moments_of(
+        self, i: int, linkage: Linkage, closed: Any, positions: RigidPoses
+    ) -> list[Moments]:
+        """Moments of a kilogram of each bar of one cylinder, in its linkage's observer."""
+        arm, link, own = linkage.arm, linkage.observer, linkage.joints
+        ends = linkage.bars(positions, closed, link, own)
+        rotation = arm.link_rotation(positions, link)
+        origin = arm.point(positions, link, np.zeros(3))
+        return [of_bar(ends[name], rotation, origin) for name in self.bars[i]]
+
+    def inertia_and_gravity(
+        self, rigid: RigidPoses, moments: Callable[[int, RigidPoses], Moments]
     ) -> InertiaAndGravity:
-        """M, g and ∂g/∂q of a kilogram of each bar (k, n, …)."""
-        parts = []
-        for i in self.bars:  # each once wherever all that carries it stands alike
-            few, back = rigid.distinct(*self._carrying(linkages[i]))
-            units = self.units_of(i, linkages[i], closed[i], few)
-            parts.append([unit[:, back] for unit in units])
-        mass, gravity, slope = (np.concatenate(part) for part in zip(*parts, strict=True))
+        """M, g and ∂g/∂q of all bars (…, n, …).
+
+        ``moments`` are those of the bars of a cylinder at some positions of its own joints.
+        """
+        each = zip(*self._of_each(rigid, moments), strict=True)
+        mass, gravity, slope = (np.sum(parts, axis=0) for parts in each)
         return mass, gravity, slope
 
+    def _of_each(
+        self, rigid: RigidPoses, moments: Callable[[int, RigidPoses], Moments]
+    ) -> Iterator[InertiaAndGravity]:
+        """``inertia_and_gravity`` of the bars of each cylinder."""
+        for i in self.bars:
+            linkage = self.machine.linkages[i]
+            few, back = rigid.distinct(*self._carrying(linkage))
+            own = [j for j in linkage.joints if j < len(self.machine.joints)]
+            positions, place = few.distinct(*own) if own else (few, slice(None))
+            mass, gravity, slope = inertia_and_gravity(
+                self.machine.arm,
+                linkage.observer,
+                linkage.joints,
+                few,
+                moments(i, positions).at(place),
+            )
+            yield mass[..., back, :, :], gravity[..., back, :], slope[..., back, :, :]
+
     def _carrying(self, linkage: Linkage) -> list[int]:
-        """Joints between the root and the pins of a linkage."""
+        """Joints between the root and the pins of a linkage, but for springs, which stand."""
         arm = self.machine.arm
         paths = (arm.path(arm.root, pin.link) for pin in linkage.pins)
         between = {j for path in paths for j, _ in path}
-        return sorted(j for j in between if j < len(self.machine.joints))  # springs do not move
-
-    def units_of(
-        self, i: int, linkage: Linkage, closed: Any, rigid: RigidPoses
-    ) -> InertiaAndGravity:
-        """M, g and ∂g/∂q of a kilogram of each bar of one cylinder (k, n, …)."""
-        ends = linkage.bars(rigid, closed)
-        parts = [of_bar(ends[name]) for name in self.bars[i]]
-        mass, gravity, slope = (np.stack(part) for part in zip(*parts, strict=True))
-        return mass, gravity, slope
-
-
-def summed(masses: Array, units: InertiaAndGravity) -> InertiaAndGravity:
-    """M, g and ∂g/∂q of bars (…, n, …) of masses (…, k), from terms of a kilogram of each."""
-    mass, gravity, slope = (np.tensordot(masses, unit, axes=1) for unit in units)
-    return mass, gravity, slope
-
-
-def summed_by_row(masses: Array, units: InertiaAndGravity) -> InertiaAndGravity:
-    """``summed`` where masses (n, k) differ row by row."""
-    mass, gravity, slope = (np.einsum("nk,kn...->n...", masses, unit) for unit in units)
-    return mass, gravity, slope
+        return sorted(j for j in between if j < len(self.machine.joints))

@@ -294,9 +294,7 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else float(value)
 
 
-def follow(
-    search: Search, curved: bool = False, seen: bool = False, **settings: Any
-) -> Search:
+def follow(search: Search, curved: bool = False, seen: bool = False, **settings: Any) -> Search:
     """Run a search; with SLSQP before it if ``curved`` and the requirements are nearly met.
 
     Where four-bars move the two are repeated in turn. ``seen``: the rows that it watches already

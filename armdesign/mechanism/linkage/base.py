@@ -264,13 +264,20 @@ class Linkage(Drive):
         """World position (n, 3) [m] of a pin."""
         return self.arm.point(poses, pin.link, side_by_side(pin.at))
 
-    def bars(self, poses: RigidPoses, length: float) -> dict[str, tuple[VectorJet, VectorJet]]:
-        """Both ends of every moving bar seen from the root, with derivatives by all coordinates.
+    def bars(
+        self,
+        poses: RigidPoses,
+        length: float,
+        seen_from: str | None = None,
+        joints: tuple[int, ...] | None = None,
+    ) -> dict[str, tuple[VectorJet, VectorJet]]:
+        """Both ends of every moving bar seen from a link, with derivatives by some coordinates.
 
-        Barrel and rod are as long as the closed cylinder, ``length`` [m]: one from the base pin,
-        one up to the rod end.
+        From the root, by all of them, where none are given. Barrel and rod are as long as the
+        closed cylinder, ``length`` [m]: one from the base pin, one up to the rod end.
         """
-        root, joints = self.arm.root, tuple(range(len(self.arm.coordinates)))
+        root = self.arm.root if seen_from is None else seen_from
+        joints = tuple(range(len(self.arm.coordinates))) if joints is None else joints
         end = self.rod_end_from(poses, root, joints).position
         base = self._motion(poses, self.base, root, joints)
         span = end - base

@@ -1,0 +1,137 @@
+"""Bars that move in the link that carries them: their M, g and ∂g/∂q over all coordinates.
+
+A point p of a bar, seen from that link, depends on few joints, its own; those between root and
+link, the outer ones, carry the whole. With h = (1, p) an outer joint k moves the point by T_k h,
+where T_k (3, 4) does not depend on the bar, and an own joint a by ∂p/∂q_a, all in the frame of the
+link. So what bars do at any pose follows from a few sums over their mass at the positions of their
+own joints alone:
+
+    M_kl = tr(T_k H T_lᵀ),  M_ka = tr(T_k G_aᵀ),  M_ab = Σ m ∂p/∂q_a · ∂p/∂q_b
+
+with H = Σ m h hᵀ and G_a = Σ m ∂p/∂q_a hᵀ. A joint may be outer and own; then both parts count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from armdesign.arrays import Array
+from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.jets import VectorJet, cross
+from armdesign.mechanism.urdf import turned
+from armdesign.units import GRAVITY
+
+
+class Moments(NamedTuple):
+    """Sums over the mass of bars at m positions of their a own joints, in the link's frame."""
+
+    position: Array  # H (…, m, 4, 4)
+    velocity: Array  # G (…, m, a, 3, 4)
+    square: Array  # Σ m ∂p/∂q_a · ∂p/∂q_b (…, m, a, a)
+    bend: Array  # Σ m ∂²p/∂q_a∂q_b (…, m, a, a, 3)
+
+    def at(self, rows: Array | slice) -> Moments:
+        """At some of the positions."""
+        behind = (2, 3, 2, 3)  # axes after m
+        every = slice(None)
+        parts = (
+            part[(..., rows, *count * [every])] for part, count in zip(self, behind, strict=True)
+        )
+        return Moments(*parts)
+
+
+def of_bar(ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array) -> Moments:
+    """Moments of a kilogram in a uniform slender bar between two points.
+
+    A sixth of the mass at either end, the rest in the middle (Simpson, exact): all sums are
+    quadratic along the bar.
+
+    Args:
+        ends: in the world, with derivatives by the own joints seen from the link.
+        rotation: of the link in the world (m, 3, 3).
+        origin: of the link in the world (m, 3) [m].
+    """
+    places, slopes = [], []
+    for end in ends:
+        at = ((end.value - origin)[:, None] @ rotation)[:, 0]
+        places.append(np.concatenate([np.ones((len(at), 1)), at], axis=1))
+        slopes.append(end.first @ rotation)
+    places.append(places[0] + places[1])
+    slopes.append(slopes[0] + slopes[1])
+    pairs = list(zip(places, slopes, strict=True))
+    return Moments(
+        sum(h[:, :, None] * h[:, None] for h, _ in pairs) / 6,
+        sum(d[..., None] * h[:, None, None] for h, d in pairs) / 6,
+        sum(d @ np.swapaxes(d, 1, 2) for _, d in pairs) / 6,
+        (ends[0].second + ends[1].second) / 2 @ rotation[:, None],
+    )
+
+
+def weighed(masses: Array, units: Sequence[Moments]) -> Moments:
+    """Moments of bars (…, m, …) of masses (…, k) [kg] from those of a kilogram of each of k."""
+    parts = map(np.stack, zip(*units, strict=True))
+    return Moments(*(np.tensordot(masses, part, axes=1) for part in parts))
+
+
+def weighed_by_row(masses: Array, units: Sequence[Moments]) -> Moments:
+    """``weighed`` where masses (m, k) differ with the position."""
+    parts = map(np.stack, zip(*units, strict=True))
+    return Moments(*(np.einsum("mk,km...->m...", masses, part) for part in parts))
+
+
+def inertia_and_gravity(
+    arm: Arm, link: str, own: Sequence[int], poses: RigidPoses, moments: Moments
+) -> tuple[Array, Array, Array]:
+    """M, g and ∂g/∂q (…, n, k, …) of bars with moments (…, n, …) in a link, at n poses."""
+    outer = np.array([j for j, _ in arm.path(arm.root, link)], dtype=int)
+    inner, n = np.array(own, dtype=int), len(poses)
+    carried, rotation = _carried(arm, link, poses)
+    down = rotation[:, 2]  # the vertical in the link's frame
+    wide = carried.reshape(n, len(outer), 12)
+    moved = carried.reshape(n, 3 * len(outer), 4) @ moments.position
+    front = moved.shape[:-2]
+    whole = moved.reshape(*front, len(outer), 12)
+    flat = moments.velocity.reshape(*front, len(inner), 12)
+    # what each joint moves Σ m p by, and how outer joints turn the vertical
+    lifted, swept = whole[..., ::4], moments.velocity[..., 0]
+    turning = cross(down[:, None], _spins(carried))
+    between = np.triu(turning @ np.swapaxes(lifted, -1, -2))  # the nearer to the root turns
+    k = len(arm.coordinates)
+    mass, gravity, slope = (np.zeros((*front, *rank * (k,)), moved.dtype) for rank in (2, 1, 2))
+    gravity[..., outer] += (lifted @ down[:, :, None])[..., 0]
+    gravity[..., inner] += (swept @ down[:, :, None])[..., 0]
+    mass[..., outer[:, None], outer] += whole @ np.swapaxes(wide, -1, -2)
+    slope[..., outer[:, None], outer] += between + np.swapaxes(np.triu(between, 1), -1, -2)
+    mass[..., inner[:, None], inner] += moments.square
+    slope[..., inner[:, None], inner] += (moments.bend @ down[:, None, :, None])[..., 0]
+    mixed = wide @ np.swapaxes(flat, -1, -2), turning @ np.swapaxes(swept, -1, -2)
+    for part, both in zip((mass, slope), mixed, strict=True):
+        part[..., outer[:, None], inner] += both
+        part[..., inner[:, None], outer] += np.swapaxes(both, -1, -2)
+    return mass, GRAVITY * gravity, GRAVITY * slope
+
+
+def _carried(arm: Arm, link: str, poses: RigidPoses) -> tuple[Array, Array]:
+    """T (n, outer, 3, 4) of the joints between root and a link, and the link's rotation."""
+    rotation, origin = arm.link_rotation(poses, link), arm.point(poses, link, np.zeros(3))
+    path = arm.path(arm.root, link)
+    carried = np.zeros((len(poses), len(path), 3, 4))
+    into = np.swapaxes(rotation, 1, 2)
+    for place, (j, sign) in enumerate(path):
+        axis = sign * poses.axis[:, j]
+        if not arm.coordinates[j].revolute:
+            carried[:, place, :, 0] = turned(into, axis)
+            continue
+        carried[:, place, :, 0] = turned(into, cross(axis, origin - poses.translation[:, j]))
+        x, y, z = turned(into, axis).T
+        carried[:, place, [2, 0, 1], [2, 3, 1]] = np.stack([x, y, z], axis=1)
+        carried[:, place, [1, 2, 0], [3, 1, 2]] = -np.stack([x, y, z], axis=1)
+    return carried, rotation
+
+
+def _spins(carried: Array) -> Array:
+    """The angular velocities (n, outer, 3) in T."""
+    return carried[:, :, [2, 0, 1], [2, 3, 1]]
