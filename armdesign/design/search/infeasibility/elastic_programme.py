@@ -16,11 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import (
-    constraints_of,
-    evaluations_at,
-    holding_rows,
-)
+from armdesign.design.program.constraints import constraints_of, evaluations_at, holding_rows
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.record import Evaluation
@@ -318,33 +314,42 @@ def _costs(room: Array, of: Array, names: Sequence[str], roles: Roles) -> tuple[
     return largest + EACH * float(short[group >= 0].sum()), float(short[group < 0].sum())
 
 
-def _step(at: Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[str]]:
-    """Linear programme of one step: change of x, cost foreseen, requirements with a multiplier.
+def linear_programme(
+    at: Rooms, roles: Roles, box: Box
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Linear programme of one step: its rows of ``at``, costs, A and b of A y ≤ b, ends of y.
 
     least Σ t + Σ w e  with  c + C d + e ≥ 0,  e ≥ 0,  and e ≤ t of its group, w = EACH for the
-    soft ones, w = PENALTY for the others.
+    soft ones, w = PENALTY for the others, of y = (d, t, e) with the change d of x.
     """
-    from scipy.optimize import linprog
-
     low, high = box
     reach = np.minimum(at.jacobian * low, at.jacobian * high).sum(axis=1)
     near = np.flatnonzero(np.isfinite(at.room) & (at.room + reach < 0))
     m, nx, count = len(near), len(low), len(roles.soft)
     group = roles.groups(at.names)[at.of[near]]
     gives = group >= 0
-    slack = np.zeros(count + m)
-    excess, member = np.eye(m), (group[:, None] == np.arange(count)).astype(float)
+    slack, excess = np.zeros(count + m), np.eye(m)
+    member = (group[:, None] == np.arange(count)).astype(float)
     limits = np.hstack([-at.jacobian[near], np.zeros((m, count)), -excess])
     shared = np.hstack([np.zeros((m, nx)), -member, excess])[gives]
-    answer = linprog(
+    return (
+        near,
         np.concatenate([np.zeros(nx), np.ones(count), np.where(gives, EACH, PENALTY)]),
-        A_ub=np.concatenate([limits, shared]),
-        b_ub=np.concatenate([at.room[near], np.zeros(int(gives.sum()))]),
-        bounds=np.array([[*low, *slack], [*high, *(slack + np.inf)]]).T,
+        np.concatenate([limits, shared]),
+        np.concatenate([at.room[near], np.zeros(int(gives.sum()))]),
+        np.array([[*low, *slack], [*high, *(slack + np.inf)]]).T,
     )
+
+
+def _step(at: Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[str]]:
+    """The best step: change of x, cost foreseen, requirements with a multiplier."""
+    from scipy.optimize import linprog
+
+    near, costs, limits, least, ends = linear_programme(at, roles, box)
+    answer = linprog(costs, A_ub=limits, b_ub=least, bounds=ends)
     if answer.status != 0:
         raise InfeasibleError(
             "design", f"the search for a conflict gave up ({answer.message})", "relax requirements"
         )
-    held = near[np.abs(answer.ineqlin.marginals[:m]) > 1e-9]
-    return answer.x[:nx], float(answer.fun), frozenset(at.names[k] for k in at.of[held])
+    held = near[np.abs(answer.ineqlin.marginals[: len(near)]) > 1e-9]
+    return answer.x[: len(at.x)], float(answer.fun), frozenset(at.names[k] for k in at.of[held])
