@@ -87,7 +87,6 @@ class InfeasibleError(ArmDesignError):
         conflict: requirements that cannot be met together, though without any one of them the
             others can; of several such sets that have nothing in common all, see
             ``Concession.part``. If each is relaxed by its ``together``, there is a design.
-        tried: whether the search that it ends has found one so.
     """
 
     def __init__(
@@ -99,7 +98,7 @@ class InfeasibleError(ArmDesignError):
         table: str = "",
     ) -> None:
         super().__init__(part, fault, remedy)
-        self.conflict, self.table, self.tried = conflict, table, False
+        self.conflict, self.table = conflict, table
 
 
 class UntriedError(InfeasibleError):

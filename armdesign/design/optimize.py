@@ -6,13 +6,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
+import numpy as np
+
 from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.design.bound.unfit_sizes import refuse_unfit_catalogue
 from armdesign.design.catalogue.alternation import (
-    first_machine,
-    refuse_conflict,
+    meeting_all,
     refuse_fixed_sizes,
+    sized,
     sizes_and_pins,
     sizes_for_pins,
 )
@@ -23,9 +25,14 @@ from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.infeasibility.explanation import design_or_proof
+from armdesign.design.search.infeasibility.explanation import (
+    design_or_proof,
+    not_written,
+    require_feasible,
+)
 from armdesign.design.search.infeasibility.restoration import nearest_design
 from armdesign.design.search.multistart import Starts, formulate, formulate_with_sizes, multistart
+from armdesign.design.search.rounding import CheckedMachine, inmost_machine
 from armdesign.design.search.sequential_sdp import MISSED, Search
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.bands import Bands
@@ -139,20 +146,47 @@ def outcome_of(
     if sizes is not None:
         refuse_fixed_sizes(problem)
         refuse_unfit_catalogue(problem)
-    nearest = nearest_design(problem, given and given[0])
+    start = np.clip(given[0] if given else problem.vector.start, *problem.bounds)
+    nearest = nearest_design(problem, start)
     if nearest.violation > MISSED:
-        refuse_conflict(nearest, sizes)
-    if any_will_do and (first := first_machine(nearest, sizes)):
-        return Outcome(first[0], Starts(), None, first[1])
+        nearest = meeting_all(nearest, sizes)
+    if any_will_do:
+        return _first_outcome(sized(nearest, sizes))
+    near = None
+    if not np.array_equal(nearest.x, start):  # which misses some
+        near = require_feasible(sized(nearest, sizes))
     try:
         if sizes is None:
             return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
         search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
         return Outcome.of(search, reached, rounded=rounded)
     except InfeasibleError:
-        if not any_will_do and (first := first_machine(nearest, sizes)):
-            return Outcome(first[0], Starts(), None, first[1])
-        raise
+        near = near or sized(nearest, sizes)
+        machine = _machine_near(near) if near.violation <= MISSED else None
+        if machine is None:
+            raise
+        return Outcome(near, Starts(), None, machine)
+
+
+def _machine_near(search: Search) -> CheckedMachine | None:
+    """A machine near a search that can be written, its lengths the best for frequency nearby.
+
+    Or the first that meets all requirements where the best miss one.
+    """
+    return inmost_machine(search) or inmost_machine(search, any_will_do=True)
+
+
+def _first_outcome(search: Search) -> Outcome:
+    """The first machine near a search that can be written, frequency left aside.
+
+    Raises:
+        InfeasibleError: the search misses a requirement, or none near it can be written.
+    """
+    search = require_feasible(search)
+    machine = inmost_machine(search, any_will_do=True)
+    if machine is None:
+        raise not_written(search)
+    return Outcome(search, Starts(), None, machine)
 
 
 @checked

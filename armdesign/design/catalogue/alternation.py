@@ -14,20 +14,15 @@ from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
 from armdesign.design.catalogue.sizes import Sizes, offered, size_in_mm
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.file_changes import changes_of_sizes
-from armdesign.design.search.infeasibility.elastic_programme import (
-    MET,
-    ROUGH,
-    ElasticSolution,
-    Roles,
-)
+from armdesign.design.search.infeasibility.best_choice import Choice, best_choice
+from armdesign.design.search.infeasibility.elastic_programme import ROUGH, ElasticSolution, Roles
 from armdesign.design.search.infeasibility.explanation import Conflict, Subsets, not_written
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch
-from armdesign.design.search.infeasibility.restoration import nearest_design, restore_feasibility
+from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, multistart, run_to_end
 from armdesign.design.search.rounding import (
     CheckedMachine,
     best_allowed,
-    inmost_machine,
     or_today,
     rounded_machine,
 )
@@ -141,40 +136,38 @@ def sizes_and_pins(
     return nearest, outcomes, None
 
 
-def first_machine(nearest: Search, sizes: Sizes | None) -> tuple[Search, CheckedMachine] | None:
-    """A machine that meets all requirements near a search for which frequency does not count.
+def sized(nearest: Search, sizes: Sizes | None) -> Search:
+    """A search for which frequency does not count, on with sizes of a catalogue if there are any.
 
-    With sizes of a catalogue where there are some; None if none was found.
+    Those that miss requirements least, sought near it, and near today's machine if they miss any.
     """
-    if nearest.violation > MISSED:
-        return None
-    if sizes is not None:
-        nearest = _missing_least(nearest, sizes)
-    machine = inmost_machine(nearest, any_will_do=True)
-    return None if machine is None else (nearest, machine)
+    if sizes is None:
+        return nearest
+    near = _missing_least(nearest, sizes)
+    if near.violation <= MISSED:
+        return near
+    today = nearest.of(nearest.problem, nearest.problem.vector.start)
+    return min(near, _missing_least(today, sizes), key=lambda one: one.violation)
 
 
-def refuse_conflict(nearest: Search, sizes: Sizes | None) -> None:
-    """Raise where requirements conflict near a search, whatever sizes are chosen.
+def meeting_all(nearest: Search, sizes: Sizes | None) -> Search:
+    """A search at a design that meets all requirements, sought from one that does not.
 
     Raises:
-        InfeasibleError: no design meets them; what they give is enough for sizes of a catalogue.
+        InfeasibleError: they conflict, whatever sizes are chosen; what they give is enough for
+            sizes of a catalogue.
     """
-    conflict = Conflict.near(nearest)
+    conflict = Conflict.near(nearest, roughly=sizes is not None)
+    near = nearest.of(nearest.problem, conflict.x)
     if not conflict.must_give:
-        return
+        return near.look()
     if sizes is not None:
-        near, free = nearest.of(nearest.problem, conflict.x), conflict
+        free = conflict
         for groups in (free.subsets, None):  # more gives where these cannot give enough
             conflict = free.with_sizes(_missing_least(near, sizes, groups))
             if conflict.relaxation is not None:
                 break
-
-    def enough(problem: Problem) -> bool:
-        granted = replace(problem, sizes=())
-        return first_machine(nearest_design(granted), sizes) is not None
-
-    raise conflict.error("no design meets", enough)
+    raise conflict.error("no design meets", drawn=sizes is None)
 
 
 def _of_todays_pins(problem: Problem, sizes: Sizes) -> tuple[Search, CheckedMachine] | None:
@@ -242,25 +235,53 @@ def _with_sizes(
 
 
 def _missing_least(search: Search, sizes: Sizes, groups: Subsets | None = None) -> Search:
-    """Sizes near a search's own, the largest cylinder first, that miss requirements least.
+    """Sizes near a search's own that miss requirements least.
 
-    Frequency is left aside: pins, and the sizes that are not chosen yet, follow the requirements.
-    Groups of requirements give, all if None; the others are met before. Where one is missed that
-    should not be, each cylinder is let go and sized once more.
+    Frequency is left aside: pins follow the requirements. Groups of requirements give, all if
+    None; the others are met before. Sizes that are foreseen to miss least are tried, and others
+    about what they lead to, while less is foreseen than is known.
     """
     elastic = ConflictSearch(search.problem, search.x, search.holding)
     roles = elastic.roles([elastic.names] if groups is None else groups, groups is None)
-    for i in _largest_first(search):
-        best = _missing_least_by(search, i, sizes, roles)
-        search = best.search
-    for i in _largest_first(search):
-        solution = best.solution  # of all that may give, none should have to
-        if (solution.cost if groups is None else solution.missed) <= BEYOND:
+    free = replace(search.problem, sizes=())
+    best, tried = None, set[ChosenSizes]()
+    about = search.of(free, search.x)
+    for _ in range(TURNS):
+        combination = _foreseen(about, sizes, roles, tried)
+        if combination is None or (best and combination[1] >= best.cost):
             break
-        free = _missing(_with_size(search, i, None), roles)
-        best = min(best, _missing_least_by(free.search, i, sizes, roles), key=lambda one: one.cost)
-        search = best.search
-    return search.look()
+        tried.add(combination[0])
+        one = _missing(_search_with(free, about.x, combination[0]), roles)
+        best = min(best or one, one, key=lambda each: each.cost)
+        if (best.solution.cost if groups is None else best.solution.missed) <= BEYOND:
+            break
+        about = search.of(free, one.search.x)
+    assert best  # there are sizes to try
+    return best.search.look()
+
+
+def _foreseen(
+    search: Search, sizes: Sizes, roles: Roles, tried: set[ChosenSizes]
+) -> tuple[ChosenSizes, float] | None:
+    """Sizes near a search's own that miss least, all linear about it, and what they miss."""
+    count = len(search.problem.machine.cylinders)
+    near = [_near_sizes(search, i, sizes) for i in range(count)]
+    choices = []
+    for i, some in enumerate(near):
+        entries = np.array([2 * i, 2 * i + 1])
+        values = [_with_size(search, i, size).x[entries] for size in some]
+        choices.append(Choice(entries, np.array(values)))
+    known = [
+        tuple(some.index(size) for some, size in zip(near, each, strict=True))
+        for each in tried
+        if all(size in some for some, size in zip(near, each, strict=True))
+    ]
+    elastic = ConflictSearch(search.problem, search.x, search.holding)
+    at, bounds = elastic.rooms(search.x, roles), search.problem.bounds
+    best = best_choice(at, roles, bounds, choices, known)
+    if best is None:
+        return None
+    return tuple(some[k] for some, k in zip(near, best[0], strict=True)), best[1]
 
 
 class Missed(NamedTuple):
@@ -280,16 +301,6 @@ def _missing(search: Search, roles: Roles) -> Missed:
     elastic = ConflictSearch(search.problem, search.x, search.holding)
     solution = elastic.solve(roles, ROUGH, starts=1)
     return Missed(solution, search.of(search.problem, solution.x))
-
-
-def _missing_least_by(search: Search, i: int, sizes: Sizes, roles: Roles) -> Missed:
-    """The size of one cylinder, near a search's own, that misses least: the first that is met."""
-    tried: list[Missed] = []
-    for size in _near_sizes(search, i, sizes):
-        tried.append(_missing(_with_size(search, i, size), roles))
-        if tried[-1].cost <= MET:
-            break
-    return min(tried, key=lambda one: one.cost)
 
 
 def improve_in_turn(search: Search, sizes: Sizes, tried: Tried | None = None) -> Search:

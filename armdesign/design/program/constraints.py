@@ -12,7 +12,7 @@ and is stated again, as a chord; ``tests/design/program/test_constraints.py`` an
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,8 +50,8 @@ class Constraints:
 def constraints_at(problem: Problem, x: Array, holding: Array | None = None) -> Constraints:
     """Every requirement at x; holding at the rows given, or at ``holding_rows``."""
     evaluated, margins = list(evaluations_at(problem, x, holding)), problem.margins
-    values = np.concatenate([e.constraint - drawn_in(problem, e) for e in evaluated], axis=1)
-    sensitivity = np.concatenate([e.limit_sensitivity for e in evaluated], axis=1)
+    values, sensitivity, drawn_in = constraints_of(problem, evaluated)
+    values = values - drawn_in
     names = [e.name for e in evaluated for _ in range(e.constraint.shape[1])]
     if margins.relaxed:
         relaxed = np.array([margins.relaxed.get(name, 0.0) for name in names])
@@ -62,14 +62,27 @@ def constraints_at(problem: Problem, x: Array, holding: Array | None = None) -> 
     )
 
 
-def drawn_in(problem: Problem, evaluation: Evaluation) -> Array | float:
-    """Tightening of a constraint (b, k): what no variable moves, no rounding moves."""
+def constraints_of(
+    problem: Problem, evaluated: Sequence[Evaluation]
+) -> tuple[Array, Array, Array | float]:
+    """Constraints of requirements side by side (b, m), their gain per 100 % of the limits.
+
+    And by how much a problem draws them in: what no variable moves, no rounding moves.
+    """
+    values, sensitivity = (
+        np.concatenate([getattr(e, name) for e in evaluated], axis=1)
+        for name in ("constraint", "limit_sensitivity")
+    )
     tightening = problem.margins.tightening
     if not tightening:
-        return 0.0
-    factor, moved = evaluation.tightening_factor, evaluation.constraint.imag != 0
-    whole = tightening * factor * evaluation.limit_sensitivity + evaluation.rounding_loss
-    return np.where(np.any(moved, axis=0), whole, 0.0)
+        return values, sensitivity, 0.0
+    counts = [e.constraint.shape[1] for e in evaluated]
+    factor, loss = (
+        np.repeat([getattr(e, name) for e in evaluated], counts)
+        for name in ("tightening_factor", "rounding_loss")
+    )
+    moved = np.any(values.imag != 0, axis=0)
+    return values, sensitivity, np.where(moved, tightening * factor * sensitivity + loss, 0.0)
 
 
 def evaluations_at(

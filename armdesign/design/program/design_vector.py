@@ -229,14 +229,19 @@ class DesignVector:
             for k, p in zip(self.machine.linkages, self.range_poses, strict=True)
         ]
 
+    @property
+    def strokes_today(self) -> tuple[Array, Array]:
+        """Today's closed length and stroke (nc,) [m]."""
+        closed, stroke = (
+            np.array([getattr(one, key) for one in self.machine.actuators])
+            for key in ("closed_length", "stroke")
+        )
+        return closed, stroke
+
     @remembered
     def strokes(self, x: Array) -> tuple[Array, Array]:
         """Closed length and stroke (nc,) [m]: today's if pins stay, as chosen, or just enough."""
-        actuators = self.machine.actuators
-        closed, stroke = (
-            np.array([getattr(one, key) for one in actuators])
-            for key in ("closed_length", "stroke")
-        )
+        closed, stroke = self.strokes_today
         linkages = self.linkages(x)
         for i in self.moving:
             if (poses := self.range_poses[i]) is not None:

@@ -74,7 +74,7 @@ class SteppedDesign:
 
     @cached_property
     def _closed_and_stroke(self) -> tuple[Array, Array]:
-        closed, stroke = map(self._variants, self.vector.strokes(self.x))
+        closed, stroke = map(self._variants, self.vector.strokes_today)
         for i in self.vector.moving:
             if (swept := self.sweeps[i]) is not None:
                 length = swept[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -53,29 +53,66 @@ def clearance(start: Array, end: Array, polygon: Array) -> Array:
     end of the one must move to uncross them; where it lies wholly inside, minus the distance to
     the nearest edge.
     """
+    return _contact(start.real, end.real, polygon).distance(start, end, polygon)
+
+
+class Contact(NamedTuple):
+    """Where bars and a polygon are nearest: an end of the one and a side of the other.
+
+    Attributes:
+        edge: number of the polygon's edge (…,).
+        point: 0 or 1: start or end of the bar, next to the edge; 2 or 3: of the edge, next to the
+            bar (…,).
+        square: of their distance, negative where it counts negative (…,) [m²].
+    """
+
+    edge: Array
+    point: Array
+    square: Array
+
+    def distance(self, start: Array, end: Array, polygon: Array) -> Array:
+        """Distance of these parts of bars (…, 2) and polygon, with its sign (…,)."""
+        u, v = (corners[self.edge] for corners in edges(polygon))
+        point, of_edge = self.point[..., None], (self.point >= 2)[..., None]
+        parts = np.broadcast_arrays(start, end, u, v)
+        at = np.choose(point, parts)
+        gap = _to_segment(at, np.where(of_edge, start, u), np.where(of_edge, end, v))
+        return np.where(self.square < 0, -gap, gap)
+
+    def at(self, rows: Array) -> Contact:
+        """Contacts of some rows."""
+        return Contact(*(part[rows] for part in self))
+
+
+def _contact(start: Array, end: Array, polygon: Array) -> Contact:
+    """Where bars (…, 2) and a polygon are nearest, in real numbers."""
     u, v = edges(polygon)
-    crossed = cross(start.real[..., None, :], end.real[..., None, :], u, v)
-    a, b, u, v = np.broadcast_arrays(start[..., None, :], end[..., None, :], u, v)
-    ends = np.stack([a, b, u, v]), np.stack([u, u, a, a]), np.stack([v, v, b, b])
-    gap = _least(np.moveaxis(_to_segment(*ends), 0, -1))
-    wholly_inside = _inside(start.real, polygon) & ~crossed.any(axis=-1)
-    nearest = _least(np.where(crossed, -gap, gap))
-    return np.where(wholly_inside, -nearest, nearest)
-
-
-def _least(values: Array) -> Array:
-    """The entry of least real part along the last axis."""
-    return np.take_along_axis(values, values.real.argmin(axis=-1)[..., None], axis=-1)[..., 0]
+    a, b = start[..., None, :], end[..., None, :]
+    from_edge, from_bar = _square(np.stack([a, b]), u, v), _square(u, a, b)
+    # the end of an edge is the start of the next
+    squares = np.stack([*from_edge, from_bar, np.roll(from_bar, -1, axis=-1)])
+    point, least = squares.argmin(axis=0), squares.min(axis=0)
+    crossed = cross(a, b, u, v)
+    signed = np.where(crossed, -least, least)
+    edge = signed.argmin(axis=-1)[..., None]
+    point, square = (np.take_along_axis(part, edge, axis=-1)[..., 0] for part in (point, signed))
+    wholly_inside = _inside(start, polygon) & ~crossed.any(axis=-1)
+    return Contact(edge[..., 0], point, np.where(wholly_inside, -square, square))
 
 
 def _to_segment(point: Array, start: Array, end: Array) -> Array:
     """Distance from points to segments (…,)."""
+    return np.asarray(np.sqrt(_square(point, start, end)))
+
+
+def _square(point: Array, start: Array, end: Array) -> Array:
+    """Square of the distance from points to segments (…,)."""
     along, away = end - start, point - start
     square = _dot(along, along)
     share = _dot(away, along) / np.where(square == 0, 1.0, square)
     share = np.where(share.real < 0, 0.0, np.where(share.real > 1, 1.0, share))
     gap = away - share[..., None] * along
-    return np.asarray(np.sqrt(_dot(gap, gap)))
+    return _dot(gap, gap)
 
 
 def _dot(a: Array, b: Array) -> Array:
@@ -268,16 +305,13 @@ def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: in
     """
     poses, turn, origin = _poses_between(reference.today, part, i)
     length, polygon = (new.closed[:, i] + new.stroke[:, i]) / 2, np.array(part.points)
-    # which poses count depends on no steps
-    base, end = new.linkages[i].ends(poses)
-    plain = _barrel(turn, origin, base[None], end[None], length[:1].real)
-    of_all = clearance(*plain, polygon)[0]
-    nearest = np.argsort(of_all)[:NEAREST]
-    base, end = new.span(i, poses[nearest])
-    start, tip = _barrel(turn[nearest], origin[nearest], base, end, length)
-    stepped = (start.imag != 0).any(axis=(1, 2)) | (tip.imag != 0).any(axis=(1, 2))
-    free = np.tile(of_all[nearest].astype(tip.dtype), (len(tip), 1))
-    free[stepped] = clearance(start[stepped], tip[stepped], polygon)
+    base, end = new.span(i, poses)
+    # which poses count depends on no steps, nor what is nearest there
+    start, tip = _barrel(turn, origin, base[:1].real, end[:1].real, length[:1].real)
+    contact = _contact(start[0], tip[0], polygon)
+    few = np.argsort(contact.square)[:NEAREST]
+    start, tip = _barrel(turn[few], origin[few], base[:, few], end[:, few], length)
+    free = contact.at(few).distance(start, tip, polygon)
     wall, pressure = new.machine.cylinders[i].barrel_wall, new.machine.supply.pressure
     radius = barrel_outer(diameters(new, i)[0], wall, pressure) / 2
     return np.asarray(free - radius[:, None])

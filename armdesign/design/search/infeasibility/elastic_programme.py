@@ -7,6 +7,7 @@ drawing one after the other, while the rest follows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.program.constraints import drawn_in, evaluations_at, holding_rows
+from armdesign.design.program.constraints import constraints_of, evaluations_at, holding_rows
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.record import Evaluation
@@ -59,6 +60,10 @@ class Roles:
         """All of them."""
         return {*self.hard}.union(*self.soft)
 
+    def most_of(self, name: str) -> float:
+        """Share of its limit that a requirement may give beside what must hold."""
+        return math.inf if name in self.hard else self.most.get(name, math.inf)
+
     def groups(self, names: Sequence[str]) -> Array:
         """The group of each name, by its number; −1 of what must hold."""
         numbers = {name: g for g, group in enumerate(self.soft) for name in group}
@@ -97,7 +102,8 @@ class Rooms:
     """Room of a design's requirements, as a share of each limit, and its Jacobian."""
 
     x: Array
-    names: list[str]
+    names: list[str]  # of the requirements
+    of: Array  # number of the requirement of every row (m,)
     room: Array  # (m,)
     jacobian: Array  # (m, nx)
     given: float
@@ -111,8 +117,7 @@ class Rooms:
     @cached_property
     def missed(self) -> frozenset[str]:
         """Requirements that the design misses."""
-        pairs = zip(self.names, self.room, strict=True)
-        return frozenset(name for name, room in pairs if not room >= -MET)
+        return frozenset(self.names[k] for k in self.of[~(self.room >= -MET)])
 
     def conflict(self, names: Collection[str], bounds: Bounds) -> frozenset[str]:
         """Those of some requirements, linearised here, that no design in the bounds meets.
@@ -121,9 +126,9 @@ class Rooms:
         """
         if self.missed.isdisjoint(names):
             return frozenset()
-        wanted = np.array([name in names for name in self.names])
-        kept = [name for name in self.names if name in names]
-        part = replace(self, names=kept, room=self.room[wanted], jacobian=self.jacobian[wanted])
+        wanted = np.array([name in names for name in self.names])[self.of]
+        kept = {name: getattr(self, name)[wanted] for name in ("of", "room", "jacobian")}
+        part = replace(self, **kept)
         low, high = bounds
         _, cost, tight = _step(part, Roles((), names), (low - self.x, high - self.x))
         return tight if cost > PENALTY * MET else frozenset()
@@ -165,9 +170,10 @@ class ElasticProgramme:
         amounts = {}
         for c in evaluations_at(self.problem, x, holding_rows(self.problem, x)):
             missed = (c.limit - c.value[0].real) * (1 if c.at_least else -1)
-            kept = np.broadcast_to(drawn_in(self.problem, c), c.constraint.shape)[0].real
+            _, sensitivity, drawn_in = constraints_of(self.problem, [c])
+            kept = np.broadcast_to(drawn_in, sensitivity.shape)[0].real
             size = abs(c.limit) if c.slack_scale is None else c.slack_scale
-            amount = float(np.max(missed + kept / _constraint_per_slack(c) * size))
+            amount = float(np.max(missed + kept / _constraint_per_slack([c], sensitivity) * size))
             amounts[c.name] = c, max(0.0, amount)
         return amounts
 
@@ -271,68 +277,79 @@ class ElasticProgramme:
         wanted = None if roles is None else roles.names
         at_x = evaluations_at(self.problem, x, self.holding, wanted)
         kept = [c for c in at_x if wanted is None or c.name in wanted]
-        shares = [
-            (c.constraint - drawn_in(self.problem, c)) / _constraint_per_slack(c) - self.depth
-            for c in kept
-        ]
-        room = np.concatenate(shares, axis=1)
-        names = [
-            c.name for c, part in zip(kept, shares, strict=True) for _ in range(part.shape[1])
-        ]
+        values, sensitivity, drawn = constraints_of(self.problem, kept)
+        room = (values - drawn) / _constraint_per_slack(kept, sensitivity) - self.depth
+        names = [c.name for c in kept]
+        of = np.repeat(np.arange(len(kept)), [c.constraint.shape[1] for c in kept])
         if roles is not None:  # beyond what it may give it must hold
-            for c, share in zip(kept, shares, strict=True):
-                if c.name in roles.most and c.name not in roles.hard:
-                    room = np.concatenate([room, share + roles.most[c.name]], axis=1)
-                    names += [f"{c.name} at most"] * share.shape[1]
-        costs = _costs(room[0].real, names, roles or Roles((), ()))
-        return Rooms(x, names, room[0].real, room.imag.T / STEP, *costs)
+            most = np.array([roles.most_of(name) for name in names])
+            limited = np.isfinite(most[of])
+            room = np.concatenate([room, room[:, limited] + most[of[limited]]], axis=1)
+            of = np.concatenate([of, len(names) + of[limited]])
+            names = [*names, *(f"{name} at most" for name in names)]
+        costs = _costs(room[0].real, of, names, roles or Roles((), ()))
+        return Rooms(x, names, of, room[0].real, room.imag.T / STEP, *costs)
 
 
-def _constraint_per_slack(evaluation: Evaluation) -> Array:
-    """Room of a condition per relative slack (k,); of what nothing changes, one."""
-    if evaluation.slack_scale is not None:
-        return np.ones(evaluation.constraint.shape[1])  # its room is a share of that scale already
-    sensitivity = evaluation.limit_sensitivity[0].real
-    return np.where(sensitivity > 0, sensitivity, 1.0)
+def _constraint_per_slack(evaluated: Sequence[Evaluation], sensitivity: Array) -> Array:
+    """Room of conditions per relative slack (m,); of what nothing changes, one.
+
+    ``sensitivity`` is their gain per 100 % of the limits (b, m).
+    """
+    counts = [c.constraint.shape[1] for c in evaluated]
+    # room is a share of that scale already
+    scaled = np.repeat([c.slack_scale is not None for c in evaluated], counts)
+    gain = sensitivity[0].real
+    return np.where(~scaled & (gain > 0), gain, 1.0)
 
 
-def _costs(room: Array, names: Sequence[str], roles: Roles) -> tuple[float, float]:
+def _costs(room: Array, of: Array, names: Sequence[str], roles: Roles) -> tuple[float, float]:
     """Shares that the groups give, and that the others miss.
 
     Groups give the sum of their largest shares, and a little of every share.
     """
-    group = roles.groups(names)
+    group = roles.groups(names)[of]
     short = np.where(np.isfinite(room), np.maximum(-room, 0.0), UNKNOWN)
     largest = sum(float(short[group == g].max(initial=0.0)) for g in range(len(roles.soft)))
     return largest + EACH * float(short[group >= 0].sum()), float(short[group < 0].sum())
 
 
-def _step(at: Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[str]]:
-    """Linear programme of one step: change of x, cost foreseen, requirements with a multiplier.
+def linear_programme(
+    at: Rooms, roles: Roles, box: Box
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Linear programme of one step: its rows of ``at``, costs, A and b of A y ≤ b, ends of y.
 
     least Σ t + Σ w e  with  c + C d + e ≥ 0,  e ≥ 0,  and e ≤ t of its group, w = EACH for the
-    soft ones, w = PENALTY for the others.
+    soft ones, w = PENALTY for the others, of y = (d, t, e) with the change d of x.
     """
-    from scipy.optimize import linprog
-
     low, high = box
     reach = np.minimum(at.jacobian * low, at.jacobian * high).sum(axis=1)
     near = np.flatnonzero(np.isfinite(at.room) & (at.room + reach < 0))
     m, nx, count = len(near), len(low), len(roles.soft)
-    group = roles.groups([at.names[k] for k in near])
+    group = roles.groups(at.names)[at.of[near]]
     gives = group >= 0
-    excess, member = np.eye(m), (group[:, None] == np.arange(count)).astype(float)
+    slack, excess = np.zeros(count + m), np.eye(m)
+    member = (group[:, None] == np.arange(count)).astype(float)
     limits = np.hstack([-at.jacobian[near], np.zeros((m, count)), -excess])
     shared = np.hstack([np.zeros((m, nx)), -member, excess])[gives]
-    answer = linprog(
+    return (
+        near,
         np.concatenate([np.zeros(nx), np.ones(count), np.where(gives, EACH, PENALTY)]),
-        A_ub=np.concatenate([limits, shared]),
-        b_ub=np.concatenate([at.room[near], np.zeros(int(gives.sum()))]),
-        bounds=[*zip(low, high, strict=True), *[(0.0, None)] * (count + m)],
+        np.concatenate([limits, shared]),
+        np.concatenate([at.room[near], np.zeros(int(gives.sum()))]),
+        np.array([[*low, *slack], [*high, *(slack + np.inf)]]).T,
     )
+
+
+def _step(at: Rooms, roles: Roles, box: Box) -> tuple[Array, float, frozenset[str]]:
+    """The best step: change of x, cost foreseen, requirements with a multiplier."""
+    from scipy.optimize import linprog
+
+    near, costs, limits, least, ends = linear_programme(at, roles, box)
+    answer = linprog(costs, A_ub=limits, b_ub=least, bounds=ends)
     if answer.status != 0:
         raise InfeasibleError(
             "design", f"the search for a conflict gave up ({answer.message})", "relax requirements"
         )
-    held = near[np.abs(answer.ineqlin.marginals[:m]) > 1e-9]
-    return answer.x[:nx], float(answer.fun), frozenset(at.names[k] for k in held)
+    held = near[np.abs(answer.ineqlin.marginals[: len(near)]) > 1e-9]
+    return answer.x[: len(at.x)], float(answer.fun), frozenset(at.names[k] for k in at.of[held])

@@ -14,7 +14,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import FINE
+from armdesign.design.catalogue.sizes import FINE as FINE_GRID
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from armdesign.design.requirements.record import Concession, Evaluation, Requirement
@@ -26,6 +26,7 @@ from armdesign.design.search.infeasibility.concessions import (
     largest_share,
     nearest_error,
 )
+from armdesign.design.search.infeasibility.elastic_programme import ROUGH
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch, Relaxation
 from armdesign.design.search.infeasibility.restoration import (
     restore_feasibility,
@@ -39,12 +40,12 @@ from armdesign.errors import InfeasibleError
 TIGHTENED_BY = (1e-4, 1e-3, 3e-3, 1e-2)
 # of their limits that requirements give besides, until a drawing has room
 MORE, MORE_OF_COARSE = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2), (3e-3, 1e-2, 3e-2)
+UNDRAWN = 1e-2  # of their limits besides, where nothing is drawn
 GRANTS = 5  # refusals in a row that are granted, all that they ask for
 NOTHING = 1e-4  # of a limit, which is not said where more is given besides
 WITH_SIZES = "with the sizes of the catalogue that were tried, "
 
 T = TypeVar("T")
-Enough: TypeAlias = Callable[[Problem], bool]
 Subsets: TypeAlias = tuple[tuple[str, ...], ...]
 
 
@@ -64,10 +65,6 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
             answer = design(problem.under(requirements), bool(refusals))
         except InfeasibleError as refusal:
             refusals.append(refusal)
-            if refusal.tried:
-                settled = True
-                requirements = requirements.granting(refusal.conflict)
-                break
             granted = requirements.granting(refusal.conflict)
             if granted == requirements:  # nothing that a file could state helps
                 break
@@ -175,13 +172,19 @@ class Conflict:
     by_sizes: bool
 
     @classmethod
-    def near(cls, search: Search, share: float | None = None) -> Conflict:
-        """The conflict near a search with limits tightened by a share; a little by default."""
+    def near(cls, search: Search, share: float | None = None, roughly: bool = False) -> Conflict:
+        """The conflict near a search with limits tightened by a share; a little by default.
+
+        What must give may be known ``roughly``, from fewer starts, if sizes are still to come.
+        """
         among = _among(search, share)
         subsets = among.disjoint_subsets()
         if not subsets:
             return cls(search, (), None, among, bool(search.problem.sizes))
-        return cls(search, *_relaxed(among, subsets), among, bool(search.problem.sizes))
+        by_sizes = bool(search.problem.sizes)
+        if roughly and (known := among.least_relaxation(subsets, among.x, False, ROUGH)):
+            return cls(search, subsets, known, among, by_sizes)
+        return cls(search, *_relaxed(among, subsets), among, by_sizes)
 
     def with_sizes(self, search: Search) -> Conflict:
         """The same conflict, relaxed so far that a search with sizes of a catalogue is allowed."""
@@ -199,13 +202,12 @@ class Conflict:
         """The design that misses least."""
         return self.relaxation.x if self.relaxation else self.among.x
 
-    def error(self, none_meets: str, enough: Enough | None = None) -> InfeasibleError:
+    def error(self, none_meets: str, drawn: bool = True) -> InfeasibleError:
         """The error that names the conflict and what relaxation is enough, together and alone.
 
-        ``enough`` tells whether a problem has a design; where none is told, one is sought near
-        the design that misses least, and the error is not ``tried``.
+        If ``drawn`` so much that a machine near the design that misses least can be drawn.
         """
-        search, amounts, tried = self.search, self.among.amounts(self.among.x), False
+        search, amounts = self.search, self.among.amounts(self.among.x)
         by_name = {name: evaluation for name, (evaluation, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
             lacks = {name: amount for name, (_, amount) in amounts.items() if amount > 0}
@@ -213,15 +215,14 @@ class Conflict:
         else:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(by_name, together, x)
-            given, tried = _sufficient(search, self.subsets, by_name, together, alone, x, enough)
+            near = x if drawn else None
+            given, _ = _sufficient(search, self.subsets, by_name, together, alone, near)
         none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
         otherwise = OTHER_SIZES if self.by_sizes else ""
         settled = self.relaxation is not None
-        error = conflict_error(
+        return conflict_error(
             search.problem.machine.name, given, none_meets, settled, otherwise, least=False
         )
-        error.tried = enough is not None and tried
-        return error
 
     def _alone(
         self, by_name: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
@@ -268,8 +269,7 @@ def _relaxed(
             return subsets, relaxation
     others = tuple(n for n in among.names if not any(n in names for names in subsets))
     relaxation = among.least_relaxation([*subsets, others], near)
-    amounts = relaxation.amounts if relaxation else {}
-    helps = tuple(name for name in others if amounts.get(name, 0.0) > 0)
+    helps = tuple(name for name in others if relaxation and relaxation.gives(name))
     return ((*subsets, helps) if helps else subsets), relaxation
 
 
@@ -279,16 +279,16 @@ def _sufficient(
     by_name: Mapping[str, Requirement],
     amounts: Mapping[str, float],
     alone: Mapping[str, float | None],
-    x: Array,
-    enough: Enough | None = None,
+    x: Array | None,
 ) -> tuple[tuple[Concession, ...], bool]:
     """The concessions with which a design near ``x`` is found and can be written, and whether.
 
-    Or with which there is a design as ``enough`` tells. The largest tried if none is.
+    The largest tried if none is. If there is no ``x``, nothing is drawn.
     """
     problem = search.problem
-    coarse = problem.grid != FINE and bool(problem.vector.moving)
-    for more in MORE_OF_COARSE if coarse else MORE:
+    coarse = problem.grid != FINE_GRID and bool(problem.vector.moving)
+    mores = MORE_OF_COARSE if coarse else MORE
+    for more in mores if x is not None else (UNDRAWN,):
         larger = {}
         for name, amount in amounts.items():
             limit = abs(by_name[name].limit)
@@ -297,7 +297,9 @@ def _sufficient(
                 larger[name] = max(amount, min(amount + more * limit, most))
         given = concessions(problem.requirements, subsets, by_name, larger, alone)
         granted = problem.under(problem.requirements.granting(given))
+        if x is None:
+            break
         near = search.of(granted, np.clip(x, *granted.bounds))
-        if enough(granted) if enough else inmost_machine(near, any_will_do=True):
+        if inmost_machine(near, any_will_do=True):
             return given, True
     return given, False

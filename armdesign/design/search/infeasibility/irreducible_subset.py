@@ -50,10 +50,11 @@ class Relaxation:
     @property
     def nothing(self) -> bool:
         """Whether nothing need give."""
-        return all(
-            amount <= MET * abs(self.conditions[name].limit)
-            for name, amount in self.amounts.items()
-        )
+        return not any(map(self.gives, self.amounts))
+
+    def gives(self, name: str) -> bool:
+        """Whether a requirement is relaxed, by more than what searches may miss it by."""
+        return self.amounts.get(name, 0.0) > MET * abs(self.conditions[name].limit)
 
 
 @dataclass(eq=False)
@@ -195,21 +196,25 @@ class ConflictSearch(ElasticProgramme):
         return Roles(soft, hard, limited)
 
     def least_relaxation(
-        self, subsets: Sequence[Sequence[str]], near: Array | None = None, with_places: bool = True
+        self,
+        subsets: Sequence[Sequence[str]],
+        near: Array | None = None,
+        with_places: bool = True,
+        tolerance: float = FINE,
     ) -> Relaxation | None:
         """The least relaxation of the requirements of subsets, equal shares within a subset.
 
         None if that does not help. What no setting states, like a dead length, is not relaxed. It
         is sought from several starts, least among what they lead to; from that one and today's
-        machine if one is ``near``. Places give as ``roles`` says. Sizes go to the grid where that
-        is fine.
+        machine if one is ``near``, with the ``tolerance`` of ``solve``. Places give as ``roles``
+        says. Sizes go to the grid where that is fine.
         """
         conditions = {name: condition for name, (condition, _) in self.amounts(self.x).items()}
         roles = self.roles(subsets, with_places)
         self.x = self.x if near is None else near
         fine = self.problem.grid == FINE_GRID
         starts = STARTS if near is None else NEAR
-        solution = self.solve(roles, FINE, starts)
+        solution = self.solve(roles, tolerance, starts)
         if solution.missed > MET:
             return None
         best: ElasticSolution = solution

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import holding_rows
 from armdesign.design.program.problem import Problem
@@ -22,15 +20,13 @@ STRICT = (
 )
 
 
-def nearest_design(problem: Problem, given: Array | None = None) -> Search:
+def nearest_design(problem: Problem, x: Array) -> Search:
     """The search of a problem at the design that misses its requirements least.
 
-    Sought from a ``given`` one, today's and drawn ones, without regard to frequency; the first of
-    them if that misses none.
+    Sought from ``x``, which it is if that misses none, without regard to frequency.
     """
-    x = problem.vector.start if given is None else np.clip(given, *problem.bounds)
     programme = ElasticProgramme(problem, x, holding_rows(problem, x))
-    solution = programme.solve(Roles((), programme.names), ROUGH)
+    solution = programme.solve(Roles((), programme.names), ROUGH, starts=1)
     return Search(problem=problem, x=solution.x, holding=programme.holding).look()
 
 
