@@ -120,8 +120,9 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
         bound = region.bound
         gain = mixed - min(dual.reached, enough)
         close = max(CLOSE, (1.0 if bound <= enough else NEARER) * gain)
+        reached = [replace(most, upper=most.value) for most in maxima]
         found = all(math.isfinite(most.value) for most in maxima)
-        if bound <= plenty or bound - mixed < close or not found:
+        if bound <= plenty or dual.bound(multipliers, reached) - mixed < close or not found:
             break
         dual.learn(multipliers, maxima)
     return region
