@@ -87,14 +87,27 @@ def maximum(
             break
         order = np.argsort(-cells.bound)
         parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
-        low, high, source = _parts(parents)
-        children, best = _looked_at(term, best, low, high, _middles(term, parents))
-        looked += len(low)
-        inherited = parents.bound[source[children.source]]
-        cells = together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
+        count, children, best = _children(term, best, parents)
+        looked += count
+        cells = together(waiting, children)
     leaves = together(*done, cells)
     upper = max(float(leaves.bound.max(initial=-math.inf)), best.value)
     return replace(best, upper=upper, cells=looked, leaves=(leaves.low, leaves.high))
+
+
+def _children(term: CylinderTerm, best: Maximum, parents: Cells) -> tuple[int, Cells, Maximum]:
+    """How many parts of cells have been looked at, those left, and the best of their designs.
+
+    Only angles count that may in some of the cells.
+    """
+    angles = np.flatnonzero(parents.useful.any(axis=0))
+    near = replace(term, limits=term.limits.at(angles))
+    low, high, source = _parts(parents)
+    children, best = _looked_at(near, best, low, high, _middles(near, parents))
+    useful = np.zeros((len(children.bound), parents.useful.shape[1]), dtype=bool)
+    useful[:, angles] = children.useful
+    bound = np.minimum(children.bound, parents.bound[source[children.source]])
+    return len(low), replace(children, bound=bound, useful=useful), best
 
 
 def _parts(cells: Cells) -> tuple[Array, Array, Array]:
@@ -162,7 +175,8 @@ def _middles(term: CylinderTerm, cells: Cells) -> Array:
     if term.limits.areas.pairs is not None:
         low[:, 3:] = term.limits.areas.nearest((low[:, 3:] + high[:, 3:]) / 2)
         if drawn := term.limits.drawn:
-            return drawn.nearest(low, *term.shape.region)
+            low = drawn.nearest(low, *term.shape.region)
+            return np.clip(low, cells.low[:TRIALS], cells.high[:TRIALS])
         return low
     allowed = term.limits.allowed(low, high)
     volume = allowed.volume
