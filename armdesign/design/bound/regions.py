@@ -32,6 +32,7 @@ CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
 # tolerances of branching, of ω²: at first, and where a bound may then be low enough
 VAGUE, COARSE, FINE = 0.02, 0.01, 1e-3
+VAGUE_OF_REST = 0.25  # the first too, of what a region's bound exceeds its mixtures by
 # of frequency, over the design at hand: where cutting ends; for each cylinder, where rounds end
 ENOUGH, PLENTY = 0.0275, 0.0033
 SLICE = 0.1  # of a region, the least that a cut leaves on either side
@@ -111,7 +112,8 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
         known = plenty if mixed < plenty else region.bound
         left = 0.1 * max(known - mixed, mixed - enough)  # to rounds, or to cuts
         tolerance = float(np.clip(left, FINE, COARSE))
-        maxima = tuple(dual.maxima(multipliers, VAGUE))
+        far = VAGUE_OF_REST * (region.bound - mixed) if math.isfinite(region.bound) else 0.0
+        maxima = tuple(dual.maxima(multipliers, max(VAGUE, far)))
         reached = [replace(most, upper=most.value) for most in maxima]
         if dual.bound(multipliers, reached) < known:
             maxima = tuple(dual.maxima(multipliers, tolerance))
