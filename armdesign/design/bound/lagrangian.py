@@ -59,7 +59,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import PENALTY, ProgrammeStep, positive_part, programme
 from armdesign.frequency.modes import inverse_cholesky
 
-ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
+ROWS, COLUMNS = 24, 48  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
