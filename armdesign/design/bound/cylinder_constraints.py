@@ -257,10 +257,7 @@ class CylinderConstraints:
         ranged = self.ranged - 2
         first, loads = angles[angles < ranged], angles[angles >= ranged] - ranged
         return replace(
-            self,
-            shape=self.shape.at(angles),
-            ranged=2 + len(first),
-            loads=self.loads[loads],
+            self, shape=self.shape.at(angles), ranged=2 + len(first), loads=self.loads[loads]
         )
 
     def _useful(self, e: Enclosure) -> Flags:

@@ -52,7 +52,7 @@ class Cells:
     useful: Flags
     source: Array  # (m,) index among the cells passed to ``CylinderTerm.upper``
 
-    def __getitem__(self, rows: Array) -> Cells:
+    def __getitem__(self, rows: Array | slice) -> Cells:
         return Cells(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
