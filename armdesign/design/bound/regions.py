@@ -110,20 +110,22 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
         mixed = multipliers.mixed
+        gain = mixed - min(dual.reached, enough)
         known = plenty if mixed < plenty else region.bound
         left = 0.1 * max(known - mixed, mixed - enough)  # to rounds, or to cuts
         tolerance = float(np.clip(left, FINE, COARSE))
         far = VAGUE_OF_REST * (region.bound - mixed) if math.isfinite(region.bound) else 0.0
         maxima = tuple(dual.maxima(multipliers, max(VAGUE, far)))
         decided = plenty == enough and dual.bound(multipliers, maxima) <= enough
-        if dual.bound(multipliers, _reached(maxima)) < known and not decided:
+        possible = dual.bound(multipliers, _reached(maxima))
+        last = possible - mixed < max(CLOSE, NEARER * gain)
+        if possible < (region.bound if last else known) and not decided:
             maxima = tuple(
                 dual.maximum(multipliers, k, tolerance, begun) for k, begun in enumerate(maxima)
             )
         region = replace(region, multipliers=multipliers, maxima=maxima)
         region = region.improved(dual, multipliers, maxima)
         bound = region.bound
-        gain = mixed - min(dual.reached, enough)
         close = max(CLOSE, (1.0 if bound <= enough else NEARER) * gain)
         found = all(math.isfinite(most.value) for most in maxima)
         left = dual.bound(multipliers, _reached(maxima)) - mixed
