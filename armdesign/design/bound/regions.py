@@ -128,8 +128,9 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
         bound = region.bound
         close = max(CLOSE, (1.0 if bound <= enough else NEARER) * gain)
         found = all(math.isfinite(most.value) for most in maxima)
-        left = dual.bound(multipliers, _reached(maxima)) - mixed
-        if bound <= plenty or left < close or not found:
+        # branching may find more in other rounds, where a bound that is low enough counts alone
+        least = bound if plenty == enough else dual.bound(multipliers, _reached(maxima))
+        if bound <= plenty or least - mixed < close or not found:
             break
         dual.learn(multipliers, maxima)
     return region
