@@ -237,26 +237,35 @@ def safe(task: Task, controller: Controller, least: Controller | None = None) ->
 def settled(task: Task, controller: Controller, least: Controller | None = None) -> Controller:
     """The controllers with gains reduced until margin and stability hold on a fine grid.
 
-    The fine grid has frequencies at the resonances of the closed loops. Gains are reduced towards
-    those of controllers that hold, ``least`` (None: 0), which remain where no reduction is enough.
+    And at the resonances of the closed loops. Gains are reduced towards those of controllers that
+    hold, ``least`` (None: 0), which remain where no reduction is enough.
     """
     least = least or task.controller(*map(np.zeros, task.shapes))
-    decays, ringing = stability(task.plant, controller)
-    loops, share = Loops.of(task.plant, FINE, ringing), np.zeros(len(decays))
+    loops, share = Loops.of(task.plant, FINE), np.zeros(len(task.plant))
     rows = np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
         less = _between(least, controller, np.full(len(share), tried))
-        rows_kept = rows[loops.holds(less, task.aim.margin, rows)]
-        if tried < 1:
-            decays[rows_kept] = stable(task.plant[rows_kept], less[rows_kept])
-        rows_kept = rows_kept[decays[rows_kept]]
-        share[rows_kept] = tried
-        rows = np.setdiff1d(rows, rows_kept)
+        kept = _keeping(task, loops, less, rows)
+        share[kept] = tried
+        rows = np.setdiff1d(rows, kept)
         if len(rows) == 0:
             break
     if task.close < CLOSE:
         share = _finer(task, loops, controller, least, share)
     return _between(least, controller, share)
+
+
+def _keeping(task: Task, loops: Loops, controller: Controller, rows: Array) -> Array:
+    """Those of some poses at which loops are stable, and keep the margin where they ring too."""
+    rows = rows[loops.holds(controller, task.aim.margin, rows)]
+    if len(rows) == 0:
+        return rows
+    plant, own = task.plant[rows], controller[rows]
+    keeps, ringing = stability(plant, own)
+    if ringing.size:
+        there = Loops.at(plant, np.sort(ringing, axis=1))
+        keeps &= there.holds(own, task.aim.margin, np.arange(len(rows)))
+    return rows[keeps]
 
 
 def _finer(
@@ -269,7 +278,7 @@ def _finer(
     while (above > task.close * share).any():
         middle = (share + above) / 2
         less = _between(least, controller, middle)
-        holds = loops.holds(less, task.aim.margin, every) & stable(task.plant, less)
+        holds = np.isin(every, _keeping(task, loops, less, every))
         share, above = np.where(holds, middle, share), np.where(holds, above, middle)
     return share
 
