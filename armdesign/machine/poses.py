@@ -186,16 +186,17 @@ def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joint
 
 def own_forces(moment_arms: Array, gravity: Array) -> Array:
     """``static_forces`` where each cylinder has its own joint: arms and gravity there (…, nc)."""
+    singular = _next_to_dead_centre(moment_arms)
+    if not singular.any():
+        return np.asarray(gravity / moment_arms)
     held = gravity / np.where(moment_arms == 0, 1.0, moment_arms)
-    return np.asarray(np.where(_next_to_dead_centre(moment_arms)[..., None], np.inf, held))
+    return np.asarray(np.where(singular[..., None], np.inf, held))
 
 
 def _next_to_dead_centre(moment_arms: Array) -> Flags:
     """``is_singular`` (…,) of cylinders on joints of their own: their arms are singular values."""
-    known = np.real(moment_arms)
-    return np.asarray(
-        ~np.isfinite(known).all(axis=-1) | ~(np.abs(known).min(axis=-1) >= DEAD_CENTRE)
-    )
+    size = np.abs(np.real(moment_arms))
+    return np.asarray(~((size >= DEAD_CENTRE) & (size < np.inf)).all(axis=-1))
 
 
 def is_singular(moment_arms: Array) -> Flags:

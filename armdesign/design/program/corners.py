@@ -97,8 +97,12 @@ class Corners:
     @cached_property
     def frequencies(self) -> tuple[float, ...]:
         """Today's worst frequency at each corner [Hz]."""
+        return self._frequencies_of(self.today)
+
+    def _frequencies_of(self, machine: Machine) -> tuple[float, ...]:
+        """Worst frequency of a machine at each of ``all`` [Hz]."""
         return tuple(
-            scenario(self.today, self.workspace, self.bands, corner).frequency
+            scenario(machine, self.workspace, self.bands, corner, self.today).frequency
             for corner in self.all
         )
 
@@ -137,10 +141,8 @@ class Corners:
         """
         if self.emphasis is not None:
             return self.emphasis.judge(machine)
-        frequencies = [
-            scenario(machine, self.workspace, self.bands, corner, self.today).frequency
-            for corner in self.all
-        ]
+        is_today = machine is self.today
+        frequencies = self.frequencies if is_today else self._frequencies_of(machine)
         return float((frequencies / np.sqrt(self.weights)).min())
 
     @property
@@ -162,11 +164,11 @@ class Corners:
         """Stiffness of oil and structure (…, n, nc) [N/m, N m/rad] of rows at the corners (n,)."""
         if len(self.machines) == 1:
             return self._at(self.machines[0], pistons)
-        parts, end = [], self.end[corner]
-        order = np.argsort(end, kind="stable")
+        stiffness, end = np.empty_like(pistons.extension), self.end[corner]
         for k, machine in enumerate(self.machines):
-            parts.append(self._at(machine, pistons.of_rows(order[end[order] == k])))
-        return np.concatenate(parts, axis=-2)[..., np.argsort(order), :]
+            rows = np.flatnonzero(end == k)
+            stiffness[..., rows, :] = self._at(machine, pistons.of_rows(rows))
+        return stiffness
 
     def _at(self, machine: Machine, pistons: Pistons) -> Array:
         """As ``stiffness``, of rows at one end."""

@@ -190,7 +190,7 @@ class SteppedDesign:
 
     def _variants(self, values: Array) -> Array:
         """Complex copies of values, one for each entry of x (nx, …)."""
-        return np.tile(values.astype(complex), (len(self.x), *[1] * values.ndim))
+        return np.array(np.broadcast_to(values, (len(self.x), *values.shape)), dtype=complex)
 
     def _sensitivities(self, i: int, poses: RigidPoses) -> tuple[Actuation, dict[int, Actuation]]:
         """Actuation of actuator ``i``, and its derivatives by the entries of x that move it."""

@@ -5,9 +5,10 @@ Near a design stiffness and requirements are almost linear in these whole number
     max t − penalty · Σ e   with   uᵀ(A_j + Σ k_v B_jv) u ≥ t,   c + C k + e ≥ 0,   e ≥ 0
 
 for poses j and directions u HiGHS finds the optimum. Directions are added until t is the lowest
-eigenvalue (Kelley's cutting planes). The programme is set up again where the answer lies, until it
-promises nothing better than is known; where an answer comes again, fewer steps are allowed.
-Where any design will do, there are no poses, and the first that keeps all limits is the answer.
+eigenvalue (Kelley's cutting planes): first for any numbers k, which takes a hundredth of the time,
+then for whole ones. The programme is set up again where the answer lies, until it promises nothing
+better than is known; where an answer comes again, fewer steps are allowed. Where any design will
+do, there are no poses, and the first that keeps all limits is the answer.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ ROUNDS = 10  # of setting up again where the answer lies, better or not;
 FAILED = 2  # after so many that are not, from the best with half as many steps
 PROMISED = 1e-6  # of the lowest ω², relative
 LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
-CUTS = 8  # of adding directions, until t is
+CUTS = 8  # times of adding directions at most, to either kind of numbers, until t is
 CLOSE = 1e-6  # that near to the lowest eigenvalue
 NODES, GAP = 2_000, 1e-6  # of branch and bound
 
@@ -208,16 +209,18 @@ def _solved(
     penalties = np.full(m, PENALTY * STRICT)
     limits = LinearConstraint(np.hstack([jacobian, np.zeros((m, 1)), np.eye(m)]), -values, np.inf)
     cuts, least = np.empty((0, count + 1 + m)), np.empty(0)
-    directions = np.linalg.eigh(base)[1].swapaxes(1, 2)  # (n, direction, nq)
-    for _ in range(CUTS):
-        constant = np.einsum("nki,nij,nkj->nk", directions, base, directions).ravel()
-        slope = np.einsum("nki,vnij,nkj->nkv", directions, slopes, directions).reshape(-1, count)
+    pose, direction = np.repeat(np.arange(len(base)), base.shape[1]), np.linalg.eigh(base)[1]
+    direction = direction.swapaxes(1, 2).reshape(-1, base.shape[1])
+    whole = False
+    for cut in range(2 * CUTS):
+        constant = np.einsum("ki,kij,kj->k", direction, base[pose], direction)
+        slope = np.einsum("ki,vkij,kj->kv", direction, slopes[:, pose], direction)
         others = np.hstack([-np.ones((len(slope), 1)), np.zeros((len(slope), m))])
         cuts = np.concatenate([cuts, np.hstack([slope, others])])
         least = np.concatenate([least, -constant])
         answer = milp(
             np.concatenate([costs, [-1.0], penalties]),
-            integrality=np.concatenate([np.ones(count), np.zeros(1 + m)]),
+            integrality=np.concatenate([np.full(count, whole), np.zeros(1 + m)]),
             bounds=Bounds(
                 np.concatenate([ends[0], [-np.inf], np.zeros(m)]),
                 np.concatenate([ends[1], [np.inf if len(base) else 0.0], np.full(m, np.inf)]),
@@ -227,9 +230,12 @@ def _solved(
         )
         if answer.x is None:
             raise InfeasibleError("design step", answer.message, "loosen the requirements")
-        numbers, reached = np.round(answer.x[:count]), answer.x[count]
+        numbers, reached = answer.x[:count], answer.x[count]
+        numbers = np.round(numbers) if whole else numbers
         size, vectors = np.linalg.eigh(base + np.einsum("v,vnij->nij", numbers, slopes))
-        if size.min(initial=np.inf) > reached - CLOSE:
+        pose = np.flatnonzero(size[:, 0] <= reached - CLOSE)
+        if whole and len(pose) == 0:
             break
-        directions = vectors[:, :, :1].swapaxes(1, 2)
+        whole = whole or len(pose) == 0 or cut + 1 == CUTS
+        direction = vectors[pose, :, 0]
     return numbers, float(reached - penalties @ answer.x[count + 1 :])

@@ -209,19 +209,20 @@ class Search:
 
     def active(self, squared: Array, pinned: Sequence[int] = ()) -> Array:
         """Rows for the next programme: the lowest and those that spoilt a step, no two alike."""
-        place = self.problem.dynamics.row_coordinates(self.rows)
         order = np.argsort(squared)
-        chosen = list(dict.fromkeys(pinned))[-ACTIVE // 2 :]
+        place = np.ascontiguousarray(self.problem.dynamics.row_coordinates(self.rows[order]).T)
+        ranks = np.argsort(order)
+        chosen = [int(ranks[row]) for row in dict.fromkeys(pinned)][-ACTIVE // 2 :]
         # of every row from what is chosen
         distance = np.full(len(order), np.inf)
         for c in chosen:
-            distance = np.minimum(distance, np.abs(place - place[c]).max(axis=1))
+            distance = np.minimum(distance, np.abs(place - place[:, c, None]).max(axis=0))
         for spacing in (0.05, 0.0):
-            while len(chosen) < ACTIVE and (far := distance[order] > spacing).any():
-                chosen.append(int(order[far.argmax()]))
-                near = np.abs(place - place[chosen[-1]]).max(axis=1)
+            while len(chosen) < ACTIVE and (far := distance > spacing).any():
+                chosen.append(int(far.argmax()))
+                near = np.abs(place - place[:, chosen[-1], None]).max(axis=0)
                 distance = np.minimum(distance, near)
-        return self.rows[chosen]
+        return self.rows[order[chosen]]
 
     def foreseen_merit(self, reach: float = AHEAD) -> Callable[[Array, Flags], float]:
         """Function of a design and its ``given`` entries: the merit promised by one step there.
