@@ -223,6 +223,9 @@ class Design:
     @cached_property
     def band_before(self) -> FrequencyBand:
         """Today's worst frequency within the bands, on the workspace's poses."""
+        known = self.problem.dynamics.corners
+        if known.bands == self.bands:
+            return known.band
         return frequency_band(self.today, self.workspace, self.bands)
 
     @cached_property
