@@ -135,8 +135,12 @@ class Corners:
         if self.emphasis is not None:
             return self.emphasis.judge(machine)
         lowest, _ = at_corners(machine, self.workspace, self.bands, self.ends, self.today)
-        frequencies = [lowest[corner].worst.frequency for corner in self.all]
-        return float((frequencies / np.sqrt(self.weights)).min())
+        return self.objective({corner: of.worst.frequency for corner, of in lowest.items()})
+
+    def objective(self, frequencies: Mapping[Corner, float]) -> float:
+        """The objective [Hz] of a machine without emphasis, of its worst frequencies [Hz]."""
+        known = [frequencies[corner] for corner in self.all]
+        return float((known / np.sqrt(self.weights)).min())
 
     @property
     def ends(self) -> tuple[bool, ...]:
