@@ -377,33 +377,32 @@ def _between(
     known: tuple[Array, Array],
     today: Machine | None,
 ) -> tuple[float, ...]:
-    """The worst frequency [Hz] at each place between the corners of the bands."""
-    return tuple(_at_place(machine, workspace, one, known, today) for one in bands.between)
-
-
-def _at_place(
-    machine: Machine,
-    workspace: Workspace,
-    exact: Bands,
-    known: tuple[Array, Array],
-    today: Machine | None,
-) -> float:
-    """The worst frequency [Hz] at one place between the corners of the bands.
+    """The worst frequency [Hz] at each place between the corners of the bands.
 
     No pose is lower there than at all corners; so it is looked for among the poses that are lower
-    at one of them than some chosen poses are at this place.
+    at one of them than some chosen poses are at such a place. Places with the same masses are
+    looked at together.
 
     Args:
         machine: the machine.
         workspace: poses that count.
-        exact: the place, as bands of no width.
+        bands: what is not known exactly.
         known: the lowest frequency of each pose over the corners (n,) [Hz]; rows that are chosen.
         today: as in ``frequency_band``.
     """
-    (floor, seeds), corner = known, Corner(True, exact.payload[0], exact.link_mass[0])
-    least = scenario(machine, workspace.subset(seeds), exact, corner, today).frequency
-    rows = np.flatnonzero(floor <= least)
-    return scenario(machine, workspace.subset(rows), exact, corner, today).frequency
+    (floor, seeds), found = known, list[float]()
+    for shares, places in itertools.groupby(bands.between, key=_only_masses):
+        machines = [exact.at_end(machine, True, today) for exact in places]
+        chosen = lowest_of_poses(machines, workspace.subset(seeds), *shares)
+        rows = np.flatnonzero(floor <= max(lowest.worst.frequency for lowest in chosen))
+        lowest = lowest_of_poses(machines, workspace.subset(rows), *shares)
+        found += [of.worst.frequency for of in lowest]
+    return tuple(found)
+
+
+def _only_masses(exact: Bands) -> tuple[float, float]:
+    """Shares of payload and of link mass within bands of no width."""
+    return exact.payload[0], exact.link_mass[0]
 
 
 def refuse_toppling_within(machine: Machine, workspace: Workspace) -> None:
@@ -417,19 +416,6 @@ def refuse_toppling_within(machine: Machine, workspace: Workspace) -> None:
     for corner in bands.corners(machine, (True,)):
         at_end, shares = bands.at_end(machine, True), (corner.payload_share, corner.link_share)
         refuse_toppling_anywhere(list(load_cases(at_end, workspace, *shares)))
-
-
-def scenario(
-    machine: Machine,
-    workspace: Workspace,
-    bands: Bands,
-    corner: Corner,
-    today: Machine | None = None,
-) -> Scenario:
-    """The worst frequency of a machine at one corner of the bands; as in ``frequency_band``."""
-    at_end = bands.at_end(machine, corner.softest, today)
-    worst = worst_frequency(at_end, workspace, corner.payload_share, corner.link_share)
-    return Scenario(**worst._asdict(), corner=corner)
 
 
 def _pair(band: list[float] | None) -> tuple[float, float]:
