@@ -10,7 +10,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from armdesign import Bands, Machine, Workspace
-from armdesign.frequency.bands import Scenario, scenario
+from armdesign.frequency.worst_frequency import Worst, worst_frequency
 
 # [rad, m] of the eighth-order differences: truncation and rounding both near 1e-11 relative
 STEP = 2e-3
@@ -49,10 +49,10 @@ def assert_same(actual: np.ndarray, expected: np.ndarray, relative: float) -> No
 
 def worst_within(
     machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None = None
-) -> Scenario:
-    """The worst scenario within the bands, at every soft corner, searched one by one."""
-    corners = bands.corners(machine, (True,))
-    worst = [scenario(machine, workspace, bands, corner, today) for corner in corners]
+) -> Worst:
+    """The worst frequency within the bands, at every soft corner, searched one by one."""
+    at_end, masses = bands.at_end(machine, True, today), bands.mass_shares(machine)
+    worst = [worst_frequency(at_end, workspace, *shares) for shares in masses]
     return min(worst, key=lambda one: one.frequency)
 
 

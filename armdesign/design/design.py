@@ -31,6 +31,7 @@ from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
+from armdesign.frequency.worst_frequency import WorstPose, worst_anywhere
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
@@ -188,11 +189,14 @@ class Design:
         return frequency_map(self.machine, self.workspace)
 
     @cached_property
-    def in_own_workspace(self) -> FrequencyMap:
-        """The new machine over its own workspace: end margins are shares of its own strokes."""
+    def worst_in_own_workspace(self) -> WorstPose:
+        """The new machine's worst pose in its own workspace.
+
+        End margins are shares of its own strokes.
+        """
         counts = [len(axis) for axis in self.workspace.axes]
         own = Workspace.grid(self.machine, counts, end_margin=self.workspace.end_margin)
-        return frequency_map(self.machine, own)
+        return worst_anywhere(self.machine, own)
 
     @cached_property
     def lift_share(self) -> float:
@@ -223,12 +227,26 @@ class Design:
     @cached_property
     def band_before(self) -> FrequencyBand:
         """Today's worst frequency within the bands, on the workspace's poses."""
+        known = self.problem.dynamics.corners
+        if known.bands == self.bands:
+            return known.band
         return frequency_band(self.today, self.workspace, self.bands)
 
     @cached_property
     def band_after(self) -> FrequencyBand:
         """The new machine's worst frequency within the bands, on the same poses."""
         return frequency_band(self.machine, self.workspace, self.bands, today=self.today)
+
+    @cached_property
+    def judged(self) -> float:
+        """The search's objective of the new machine on the workspace's poses [Hz].
+
+        What a bound on designs of its kind is compared with.
+        """
+        corners = self.problem.dynamics.corners
+        if corners.emphasis is not None or corners.bands != self.bands:
+            return corners.judged(self.machine)
+        return corners.objective({one.corner: one.frequency for one in self.band_after.scenarios})
 
     @property
     def gain(self) -> float:
@@ -281,8 +299,7 @@ class Design:
             return bound.above(self.unrounded)
         free = replace(self.problem, sizes=()) if self.catalogue else self.problem
         known = certificate_within_bands(free, self.x, self.watched)
-        reached = self.problem.dynamics.corners.judged(self.machine)
-        most = max(self.unrounded, reached)
+        most = max(self.unrounded, self.judged)
         return known and known.above(most).useful(most)
 
     @property

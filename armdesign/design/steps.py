@@ -251,7 +251,7 @@ def steps(
     few = [some for count in range(len(pins) + 1) for some in _best(best, count)[:most]]
     built = _designs({some: best[some] for some in few}, sizes, command, workers)
     answer = _rising(machine, built, best, pins)
-    reached = {step.pins: _judged(step.design) for step in answer.steps}
+    reached = {step.pins: step.design.judged for step in answer.steps}
     drawn = sizes is not None
     bounds = bounds_of_others(pins, best, reached, workers, _own(built, drawn), drawn)
     if sizes:
@@ -263,7 +263,7 @@ def steps(
         }
         built |= _designs(left, sizes, command, workers)
         answer = _rising(machine, built, best, pins)
-        reached = {step.pins: _judged(step.design) for step in answer.steps}
+        reached = {step.pins: step.design.judged for step in answer.steps}
         # of those that lost
         bounds = bounds_of_others(pins, best, reached, workers, _own(built, drawn), drawn, bounds)
     return replace(answer, steps=tuple(_proved(step, pins, bounds) for step in answer.steps))
@@ -279,7 +279,7 @@ def _command(options: SearchOptions) -> str:
 
 def _proved(step: DesignStep, pins: Pins, bounds: Bounds) -> DesignStep:
     """The step with what bounds prove of the other sets of as many pins."""
-    reached = _judged(step.design)
+    reached = step.design.judged
     most = {some: most_of(some, bounds) / reached - 1 for some in others(pins, step.pins)}
     return replace(step, open_sets={some: excess for some, excess in most.items() if excess > 0})
 
@@ -328,15 +328,10 @@ def _gain(design: Design) -> float:
     return design.least_gain if _robust(design) else design.gain
 
 
-def _judged(design: Design) -> float:
-    """What a bound on designs of its kind is compared with [Hz]."""
-    return design.problem.dynamics.corners.judged(design.machine)
-
-
 def _own(built: Mapping[Pins, Design | InfeasibleError], drawn: bool) -> dict[Pins, float]:
     """What designs reach [Hz], as a bound on drawn ones or on those before rounding."""
     designs = {some: one for some, one in built.items() if isinstance(one, Design)}
-    return {some: _judged(one) if drawn else one.unrounded for some, one in designs.items()}
+    return {some: one.judged if drawn else one.unrounded for some, one in designs.items()}
 
 
 def _pins(machine: Machine) -> Pins:

@@ -23,6 +23,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -32,13 +33,7 @@ from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
 from armdesign.frequency.workspace import Workspace
-from armdesign.frequency.worst_frequency import (
-    Lowest,
-    Starts,
-    Worst,
-    lowest_of_poses,
-    worst_frequency,
-)
+from armdesign.frequency.worst_frequency import Lowest, Starts, lowest_of_poses, worst_frequency
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
@@ -291,12 +286,12 @@ class FrequencyBand:
     @property
     def low(self) -> Scenario:
         """The scenario with the lowest frequency."""
-        return min(self.scenarios, key=_frequency)
+        return min(self.scenarios, key=attrgetter("frequency"))
 
     @property
     def high(self) -> Scenario:
         """The scenario whose lowest frequency is the highest: structure rigid, oil stiff."""
-        return max(self.scenarios, key=_frequency)
+        return max(self.scenarios, key=attrgetter("frequency"))
 
     def least_gain(self, today: FrequencyBand) -> float:
         """Least relative gain over today's machine: corners, between them, the file's values."""
@@ -311,7 +306,7 @@ class FrequencyBand:
 
     @property
     def _frequencies(self) -> list[float]:
-        return [*map(_frequency, self.scenarios), *self.between, self.nominal]
+        return [*(one.frequency for one in self.scenarios), *self.between, self.nominal]
 
 
 @checked
@@ -340,30 +335,39 @@ def frequency_band(
         4.76 to 7.45 Hz
     """
     bands = bands or Bands.of(machine)
-    corners, nominal = _at_corners(machine, workspace, bands, today)
+    corners, stated = at_corners(machine, workspace, bands, bands.ends, today, [machine])
     floor = np.min([lowest.frequency for lowest in corners.values()], axis=0)
     seeds = np.unique([lowest.frequency.argmin() for lowest in corners.values()])
     return FrequencyBand(
-        scenarios=tuple(_scenario(of.worst, corner, of.starts) for corner, of in corners.items()),
-        nominal=nominal.frequency,
+        scenarios=tuple(
+            Scenario(**of.worst._asdict(), corner=corner, starts=of.starts)
+            for corner, of in corners.items()
+        ),
+        nominal=(stated[0].worst if stated else worst_frequency(machine, workspace)).frequency,
         sample=partial(_between, machine, workspace, bands, (floor, seeds), today),
     )
 
 
-def _at_corners(
-    machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None
-) -> tuple[dict[Corner, Lowest], Worst]:
-    """What is lowest at every corner of the bands, and the worst with the file's values."""
-    ends = [bands.at_end(machine, softest, today) for softest in bands.ends]
-    known, nominal = dict[Corner, Lowest](), None
+def at_corners(
+    machine: Machine,
+    workspace: Workspace,
+    bands: Bands,
+    ends: Sequence[bool],
+    today: Machine | None = None,
+    stated: Sequence[Machine] = (),
+) -> tuple[dict[Corner, Lowest], list[Lowest]]:
+    """What is lowest at the corners of the bands at some ends, others as in ``frequency_band``.
+
+    Then of ``stated`` machines with the values of their files, if its masses are at a corner.
+    """
+    at_ends = [bands.at_end(machine, softest, today) for softest in ends]
+    known, as_stated = dict[Corner, Lowest](), list[Lowest]()
     for shares in bands.mass_shares(machine):
-        stated = [machine] if shares == (1.0, 1.0) else []
-        lowest = lowest_of_poses([*ends, *stated], workspace, *shares)
-        known |= {Corner(end, *shares): lowest[k] for k, end in enumerate(bands.ends)}
-        nominal = lowest[-1].worst if stated else nominal
-    corners = bands.corners(machine, bands.ends)
-    nominal = nominal or worst_frequency(machine, workspace)
-    return {corner: known[corner] for corner in corners}, nominal
+        more = stated if shares == (1.0, 1.0) else ()
+        lowest = lowest_of_poses([*at_ends, *more], workspace, *shares)
+        known |= {Corner(end, *shares): lowest[k] for k, end in enumerate(ends)}
+        as_stated += lowest[len(ends) :]
+    return {corner: known[corner] for corner in bands.corners(machine, ends)}, as_stated
 
 
 def _between(
@@ -373,33 +377,32 @@ def _between(
     known: tuple[Array, Array],
     today: Machine | None,
 ) -> tuple[float, ...]:
-    """The worst frequency [Hz] at each place between the corners of the bands."""
-    return tuple(_at_place(machine, workspace, one, known, today) for one in bands.between)
-
-
-def _at_place(
-    machine: Machine,
-    workspace: Workspace,
-    exact: Bands,
-    known: tuple[Array, Array],
-    today: Machine | None,
-) -> float:
-    """The worst frequency [Hz] at one place between the corners of the bands.
+    """The worst frequency [Hz] at each place between the corners of the bands.
 
     No pose is lower there than at all corners; so it is looked for among the poses that are lower
-    at one of them than some chosen poses are at this place.
+    at one of them than some chosen poses are at such a place. Places with the same masses are
+    looked at together.
 
     Args:
         machine: the machine.
         workspace: poses that count.
-        exact: the place, as bands of no width.
+        bands: what is not known exactly.
         known: the lowest frequency of each pose over the corners (n,) [Hz]; rows that are chosen.
         today: as in ``frequency_band``.
     """
-    (floor, seeds), corner = known, Corner(True, exact.payload[0], exact.link_mass[0])
-    least = scenario(machine, workspace.subset(seeds), exact, corner, today).frequency
-    rows = np.flatnonzero(floor <= least)
-    return scenario(machine, workspace.subset(rows), exact, corner, today).frequency
+    (floor, seeds), found = known, list[float]()
+    for shares, places in itertools.groupby(bands.between, key=_only_masses):
+        machines = [exact.at_end(machine, True, today) for exact in places]
+        chosen = lowest_of_poses(machines, workspace.subset(seeds), *shares)
+        rows = np.flatnonzero(floor <= max(lowest.worst.frequency for lowest in chosen))
+        lowest = lowest_of_poses(machines, workspace.subset(rows), *shares)
+        found += [of.worst.frequency for of in lowest]
+    return tuple(found)
+
+
+def _only_masses(exact: Bands) -> tuple[float, float]:
+    """Shares of payload and of link mass within bands of no width."""
+    return exact.payload[0], exact.link_mass[0]
 
 
 def refuse_toppling_within(machine: Machine, workspace: Workspace) -> None:
@@ -413,27 +416,6 @@ def refuse_toppling_within(machine: Machine, workspace: Workspace) -> None:
     for corner in bands.corners(machine, (True,)):
         at_end, shares = bands.at_end(machine, True), (corner.payload_share, corner.link_share)
         refuse_toppling_anywhere(list(load_cases(at_end, workspace, *shares)))
-
-
-def scenario(
-    machine: Machine,
-    workspace: Workspace,
-    bands: Bands,
-    corner: Corner,
-    today: Machine | None = None,
-) -> Scenario:
-    """The worst frequency of a machine at one corner of the bands; as in ``frequency_band``."""
-    at_end = bands.at_end(machine, corner.softest, today)
-    worst = worst_frequency(at_end, workspace, corner.payload_share, corner.link_share)
-    return _scenario(worst, corner)
-
-
-def _scenario(worst: Worst, corner: Corner, starts: Starts | None = None) -> Scenario:
-    return Scenario(**worst._asdict(), corner=corner, starts=starts or {})
-
-
-def _frequency(scenario: Scenario) -> float:
-    return scenario.frequency
 
 
 def _pair(band: list[float] | None) -> tuple[float, float]:

@@ -143,8 +143,7 @@ def bandwidth_section(design: Design, units: Units) -> ReportSection:
 def bandwidth_rows(maps: Sequence[FrequencyMap]) -> Array:
     """Rows of a workspace: the lowest of each map, and ``BANDWIDTHS`` spread over joint space."""
     workspace = maps[0].workspace
-    joints = list(maps[0].machine.joints)
-    lowest = [one.frame[joints].to_numpy()[one.frame["f1_hz"].argmin()] for one in maps]
+    lowest = [one.q[one.lowest.argmin()] for one in maps]
     rows = [np.flatnonzero((workspace.q == q).all(axis=1))[:1] for q in lowest]
     share = workspace.weights / workspace.weights.sum()
     count = min(BANDWIDTHS, int(np.count_nonzero(share)))

@@ -61,7 +61,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         )
         for label, machine, worst in pair
     ]
-    own = design.in_own_workspace.worst.frequency
+    own = design.worst_in_own_workspace.frequency
     made_for = {
         "worst": "all that follows: in the worst case of the bands; ",
         "gain": "made for the least gain within the bands; of that gain: ",

@@ -256,11 +256,12 @@ def _extreme_places(map_: FrequencyMap, payloads: Sequence[str] | None) -> list[
     machine, names = map_.machine, list(map_.worst_of if payloads is None else payloads)
     cases = {name: machine.with_payload(name).payload.name for name in names}
     worst = min((map_.worst_of[cases[name]] for name in names), key=lambda w: w.frequency)
-    frame = map_.frame[map_.frame["payload"].isin(names)].sort_values("f1_hz", kind="stable")
+    rows = np.flatnonzero(np.isin(map_.columns["payload"], names))
+    rows = rows[np.argsort(map_.lowest[rows], kind="stable")]
     places = [NamedPose("worst", machine.with_payload(worst.payload), worst.q)]
-    for name, row in (("median", frame.iloc[len(frame) // 2]), ("best", frame.iloc[-1])):
-        pose = row[list(machine.joints)].to_numpy(dtype=float)
-        places.append(NamedPose(name, machine.with_payload(str(row["payload"])), pose))
+    for name, row in (("median", rows[len(rows) // 2]), ("best", rows[-1])):
+        loaded = machine.with_payload(str(map_.columns["payload"][row]))
+        places.append(NamedPose(name, loaded, map_.q[row]))
     return places
 
 

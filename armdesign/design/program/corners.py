@@ -24,10 +24,9 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.frequency.bands import Bands, Corner, scenario
+from armdesign.frequency.bands import Bands, Corner, FrequencyBand, at_corners, frequency_band
 from armdesign.frequency.cases import CasePoses
 from armdesign.frequency.workspace import Workspace
-from armdesign.frequency.worst_frequency import worst_frequency
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
 
@@ -95,21 +94,14 @@ class Corners:
         return self.bands.corners(self.today, self.ends)
 
     @cached_property
-    def frequencies(self) -> tuple[float, ...]:
-        """Today's worst frequency at each corner [Hz]."""
-        return self._frequencies_of(self.today)
+    def band(self) -> FrequencyBand:
+        """Today's worst frequency at all corners of the bands, and with the file's values."""
+        return frequency_band(self.today, self.workspace, self.bands)
 
-    def _frequencies_of(self, machine: Machine) -> tuple[float, ...]:
-        """Worst frequency of a machine at each of ``all`` [Hz]."""
-        return tuple(
-            scenario(machine, self.workspace, self.bands, corner, self.today).frequency
-            for corner in self.all
-        )
-
-    @cached_property
+    @property
     def nominal(self) -> float:
         """Today's worst frequency with the file's values [Hz]."""
-        return worst_frequency(self.today, self.workspace).frequency
+        return self.band.nominal
 
     @cached_property
     def weights(self) -> Array:
@@ -120,13 +112,14 @@ class Corners:
         """
         if not self.gain:
             return np.ones(len(self.all))
-        if min(*self.frequencies, self.nominal) <= 0:
+        frequencies = [one.frequency for one in self.band.scenarios]
+        if min(*frequencies, self.nominal) <= 0:
             raise ArmDesignError(
                 f"bands of {self.today.name}",
                 "today's machine is unstable at one of their corners: there is no gain over it",
                 'narrow them, or design for the worst frequency (objective="worst")',
             )
-        return (np.array(self.frequencies) / self.nominal) ** 2
+        return (np.array(frequencies) / self.nominal) ** 2
 
     def weight_at(self, corner: int, case: CasePoses) -> Array:
         """By how much inertia counts at a corner at the poses of a load case (m,)."""
@@ -141,9 +134,15 @@ class Corners:
         """
         if self.emphasis is not None:
             return self.emphasis.judge(machine)
-        is_today = machine is self.today
-        frequencies = self.frequencies if is_today else self._frequencies_of(machine)
-        return float((frequencies / np.sqrt(self.weights)).min())
+        if self.gain and machine is self.today:
+            return self.objective({one.corner: one.frequency for one in self.band.scenarios})
+        lowest, _ = at_corners(machine, self.workspace, self.bands, self.ends, self.today)
+        return self.objective({corner: of.worst.frequency for corner, of in lowest.items()})
+
+    def objective(self, frequencies: Mapping[Corner, float]) -> float:
+        """The objective [Hz] of a machine without emphasis, of its worst frequencies [Hz]."""
+        known = [frequencies[corner] for corner in self.all]
+        return float((known / np.sqrt(self.weights)).min())
 
     @property
     def ends(self) -> tuple[bool, ...]:
