@@ -9,12 +9,13 @@ own joints alone:
     M_kl = tr(T_k H T_lᵀ),  M_ka = tr(T_k G_aᵀ),  M_ab = Σ m ∂p/∂q_a · ∂p/∂q_b
 
 with H = Σ m h hᵀ and G_a = Σ m ∂p/∂q_a hᵀ. A joint may be outer and own; then both parts count.
+Gravity torque depends on the first moments Σ m h and Σ m ∂p/∂q_a alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -35,12 +36,27 @@ class Moments(NamedTuple):
 
     def at(self, rows: Array | slice) -> Moments:
         """At some of the positions."""
-        behind = (2, 3, 2, 3)  # axes after m
-        every = slice(None)
-        parts = (
-            part[(..., rows, *count * [every])] for part, count in zip(self, behind, strict=True)
-        )
-        return Moments(*parts)
+        return Moments(*_at(self, (2, 3, 2, 3), rows))
+
+
+class FirstMoments(NamedTuple):
+    """The sums of ``Moments`` that gravity torque depends on."""
+
+    position: Array  # Σ m h (…, m, 4)
+    velocity: Array  # Σ m ∂p/∂q_a (…, m, a, 3)
+
+    def at(self, rows: Array | slice) -> FirstMoments:
+        """At some of the positions."""
+        return FirstMoments(*_at(self, (1, 2), rows))
+
+
+M = TypeVar("M", Moments, FirstMoments)
+
+
+def _at(parts: Sequence[Array], behind: Sequence[int], rows: Array | slice) -> list[Array]:
+    """Parts with so many axes behind that of positions, at some of those."""
+    every = slice(None)
+    return [part[(..., rows, *n * [every])] for part, n in zip(parts, behind, strict=True)]
 
 
 def of_bar(ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array) -> Moments:
@@ -54,11 +70,7 @@ def of_bar(ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array) ->
         rotation: of the link in the world (m, 3, 3).
         origin: of the link in the world (m, 3) [m].
     """
-    places, slopes = [], []
-    for end in ends:
-        at = ((end.value - origin)[:, None] @ rotation)[:, 0]
-        places.append(np.concatenate([np.ones((len(at), 1)), at], axis=1))
-        slopes.append(end.first @ rotation)
+    places, slopes = _seen(ends, rotation, origin)
     places.append(places[0] + places[1])
     slopes.append(slopes[0] + slopes[1])
     pairs = list(zip(places, slopes, strict=True))
@@ -70,16 +82,47 @@ def of_bar(ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array) ->
     )
 
 
-def weighed(masses: Array, units: Sequence[Moments]) -> Moments:
+def first_of_bar(
+    ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array
+) -> FirstMoments:
+    """First moments of a kilogram in a uniform slender bar; arguments as in ``of_bar``."""
+    places, slopes = _seen(ends, rotation, origin)
+    return FirstMoments((places[0] + places[1]) / 2, (slopes[0] + slopes[1]) / 2)
+
+
+def _seen(
+    ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array
+) -> tuple[list[Any], list[Any]]:
+    """Ends of a bar in the frame of a link: h (m, 4) and ∂p/∂q_a (m, a, 3) of each."""
+    places = [((end.value - origin)[:, None] @ rotation)[:, 0] for end in ends]
+    places = [np.concatenate([np.ones((len(at), 1)), at], axis=1) for at in places]
+    return places, [end.first @ rotation for end in ends]
+
+
+def weighed(masses: Array, units: Sequence[M]) -> M:
     """Moments of bars (…, m, …) of masses (…, k) [kg] from those of a kilogram of each of k."""
     parts = map(np.stack, zip(*units, strict=True))
-    return Moments(*(np.tensordot(masses, part, axes=1) for part in parts))
+    return type(units[0])(*(np.tensordot(masses, part, axes=1) for part in parts))
 
 
-def weighed_by_row(masses: Array, units: Sequence[Moments]) -> Moments:
+def weighed_by_row(masses: Array, units: Sequence[M]) -> M:
     """``weighed`` where masses (m, k) differ with the position."""
     parts = map(np.stack, zip(*units, strict=True))
-    return Moments(*(np.einsum("mk,km...->m...", masses, part) for part in parts))
+    return type(units[0])(*(np.einsum("mk,km...->m...", masses, part) for part in parts))
+
+
+def gravity(
+    arm: Arm, link: str, own: Sequence[int], poses: RigidPoses, moments: FirstMoments
+) -> Array:
+    """Gravity torque g (…, n, k) [N m], at n poses, of bars with first moments (…, n, …)."""
+    outer = [j for j, _ in arm.path(arm.root, link)]
+    carried, rotation = _carried(arm, link, poses)
+    down = rotation[:, 2]  # the vertical in the link's frame
+    lifting = (down[:, None, None] @ carried)[:, :, 0]  # (n, outer, 4)
+    torque = np.zeros((*moments.position.shape[:-1], len(arm.coordinates)), moments.position.dtype)
+    torque[..., outer] += (lifting @ moments.position[..., None])[..., 0]
+    torque[..., list(own)] += (moments.velocity @ down[:, :, None])[..., 0]
+    return GRAVITY * torque
 
 
 def inertia_and_gravity(

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from armdesign.mechanism.carried_bars import inertia_and_gravity, of_bar, weighed, weighed_by_row
+from armdesign.mechanism.carried_bars import (
+    first_of_bar,
+    gravity,
+    inertia_and_gravity,
+    of_bar,
+    weighed,
+    weighed_by_row,
+)
 from armdesign.mechanism.point_masses import of_points, points_of_bar
 from tests.machines import named
 from tests.sprung import rocking
@@ -44,3 +51,6 @@ def test_moments_say_what_points_say(name: str) -> None:
             for actual, expected in zip(terms, of_points(points), strict=True):
                 scale = np.abs(expected).max()
                 assert_allclose(actual, expected, rtol=0, atol=1e-12 * scale)
+        first = weighed(masses, [first_of_bar(ends, *placed) for ends in seen.values()])
+        alone, expected = gravity(arm, link, own, poses, first), of_points(points)[1]
+        assert_allclose(alone, expected, rtol=0, atol=1e-12 * np.abs(expected).max())

@@ -98,7 +98,7 @@ def evaluations_at(
     def forces() -> Array:
         rows = holding_rows(problem, x) if holding is None else holding
         arm = new.moment_arms(dynamics.loaded(rows))
-        gravity = dynamics.stepped_inertia_and_gravity(x, dynamics.nominal_rows, rows)[1]
+        gravity = dynamics.stepped_nominal_gravity(x, rows)
         return dynamics.static_forces(arm, gravity, new.areas[:, None])
 
     yield from evaluations(new, reference, forces, wanted)

@@ -17,14 +17,14 @@ from armdesign.design.program.corners import Corners, Pistons
 from armdesign.design.program.design_vector import ChosenLengths, DesignVector, Geometry
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.lowest_eigenvalues import lowest
-from armdesign.design.program.moving_masses import InertiaAndGravity
+from armdesign.design.program.moving_masses import InertiaAndGravity, MomentsOf, MovingMasses
 from armdesign.frequency.bands import Corner
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import own_forces, static_forces
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.carried_bars import Moments, weighed
+from armdesign.mechanism.carried_bars import M, first_of_bar, of_bar, weighed
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,19 +157,33 @@ class Dynamics:
         moving = self.vector.moving_masses
         if moving is None:
             return known
-        poses, back = np.unique(rows.pose[chosen], return_inverse=True)
-        rigid = self.workspace.rigid
-        watched = rigid if len(poses) == len(rigid) else self._watched(poses)
+        watched, back = self._watched(rows.pose[chosen])
+        added = moving.inertia_and_gravity(watched, self._moments(x, moving, of_bar))
+        mass = rows.weight[chosen, None, None] * added[0][back]
+        return known[0] + mass, known[1] + added[1][back], known[2] + added[2][back]
+
+    def _moments(
+        self, x: Array, moving: MovingMasses, of: MomentsOf[M]
+    ) -> Callable[[int, RigidPoses], M]:
+        """Function that gives the moments of a cylinder's bars at x at positions of its joints."""
         areas, closed = self.vector.areas(x), self.vector.strokes(x)[0]
         linkages = self.vector.linkages(x)
 
-        def moments(i: int, positions: RigidPoses) -> Moments:
+        def moments(i: int, positions: RigidPoses) -> M:
             masses = moving.masses_of(i, areas[i], closed[i], linkages[i])
-            return weighed(masses, moving.moments_of(i, linkages[i], closed[i], positions))
+            return weighed(masses, moving.moments_of(i, linkages[i], closed[i], positions, of))
 
-        added = moving.inertia_and_gravity(watched, moments)
-        mass = rows.weight[chosen, None, None] * added[0][back]
-        return known[0] + mass, known[1] + added[1][back], known[2] + added[2][back]
+        return moments
+
+    def stepped_nominal_gravity(self, x: Array, rows: Array) -> Array:
+        """Gravity torque (nx, k, …) of some ``nominal_rows``, stepped along each entry of x.
+
+        Or (1, k, …) where x does not matter.
+        """
+        known = self.nominal_rows.gravity[rows][None]
+        if self.vector.moving_masses is None:
+            return known
+        return known + self.stepped(x).moving_gravity(self.loaded(rows))
 
     def stepped_inertia_and_gravity(
         self, x: Array, rows: Rows, chosen: Array
@@ -190,7 +204,11 @@ class Dynamics:
     def nominal_forces(self, x: Array) -> Array:
         """Static forces (n, nc) [N] of ``nominal_rows`` at x."""
         arm = self._geometry(x, self.nominal_rows.pose).arm
-        gravity = self.inertia_and_gravity(x, self.nominal_rows, slice(None))[1]
+        gravity, moving = self.nominal_rows.gravity, self.vector.moving_masses
+        if moving is not None:
+            moments = self._moments(x, moving, first_of_bar)
+            known = moving.gravity(self.workspace.rigid, moments)
+            gravity = gravity + known[self.nominal_rows.pose]
         return self.static_forces(arm, gravity, self.vector.areas(x))
 
     def static_forces(self, arm: Array, gravity: Array, areas: Array) -> Array:
@@ -287,17 +305,22 @@ class Dynamics:
     def _at(
         self, geometry: Callable[[Array, RigidPoses], Geometry], x: Array, poses: Array
     ) -> Geometry:
-        """A geometry at some of the workspace's poses; of many the workspace's own is picked."""
-        rigid = self.workspace.rigid
+        """A geometry at some of the workspace's poses."""
+        watched, back = self._watched(poses)
         with np.errstate(invalid="ignore", divide="ignore"):
-            if len(poses) >= len(rigid):
-                return geometry(x, rigid)[poses]
-            return geometry(x, self._watched(poses))
+            return geometry(x, watched)[back]
 
     @remembered
-    def _watched(self, poses: Array) -> RigidPoses:
-        """Some of the workspace's poses, which many designs are looked at in a row."""
-        return self.workspace.rigid[poses]
+    def _watched(self, poses: Array) -> tuple[RigidPoses, Array]:
+        """Some of the workspace's poses, each once, and which of them every one is.
+
+        Many designs are looked at there in a row. Instead of many, all that the workspace has.
+        """
+        rigid = self.workspace.rigid
+        if len(poses) >= len(rigid):
+            return rigid, poses
+        few, back = np.unique(poses, return_inverse=True)
+        return rigid[few], back
 
     @remembered
     def loaded(self, rows: Array) -> RigidPoses:

@@ -15,11 +15,11 @@ import numpy as np
 
 from armdesign.arrays import Array, Numbers
 from armdesign.design.program.design_vector import DesignVector, Geometry
-from armdesign.design.program.moving_masses import InertiaAndGravity
+from armdesign.design.program.moving_masses import InertiaAndGravity, MomentsOf
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.carried_bars import Moments, weighed, weighed_by_row
+from armdesign.mechanism.carried_bars import M, first_of_bar, of_bar, weighed, weighed_by_row
 from armdesign.mechanism.linkage.base import Actuation, Linkage
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
@@ -148,28 +148,36 @@ class SteppedDesign:
     def bare_gravity(self, rigid: RigidPoses) -> Array:
         """Gravity torque without a load [N m], (nx, n, nq), or (1, n, nq) if x does not matter."""
         known = unloaded(self.vector.bare, rigid)[None]
-        return known if self.vector.moving_masses is None else known + self.mass_terms(rigid)[1]
+        return known if self.vector.moving_masses is None else known + self.moving_gravity(rigid)
 
     def mass_terms(self, rigid: RigidPoses) -> InertiaAndGravity:
         """M, g and ∂g/∂q of the masses that depend on x (nx, n, …)."""
         moving = self.vector.moving_masses
         assert moving is not None
-        return moving.inertia_and_gravity(rigid, self._moments)
+        return moving.inertia_and_gravity(rigid, lambda i, at: self._moments(i, at, of_bar))
 
-    def _moments(self, i: int, positions: RigidPoses) -> Moments:
+    def moving_gravity(self, rigid: RigidPoses) -> Array:
+        """The g (nx, n, …) of ``mass_terms`` alone [N m]."""
+        moving = self.vector.moving_masses
+        assert moving is not None
+        return moving.gravity(rigid, lambda i, at: self._moments(i, at, first_of_bar))
+
+    def _moments(self, i: int, positions: RigidPoses, of: MomentsOf[M]) -> M:
         """Moments of the bars of cylinder ``i`` at positions of its joints (nx, m, …)."""
         moving, linkage, closed = self.vector.moving_masses, self.linkages[i], self.closed[:, i]
         assert moving is not None
         masses = moving.masses_of(i, self.areas[:, i], closed, linkage)
-        total = weighed(masses, moving.moments_of(i, linkage, closed[0].real, positions))
+        total = weighed(masses, moving.moments_of(i, linkage, closed[0].real, positions, of))
         if entries := list(self.vector.moves(i)):
             for whole, moved in zip(
-                total, self._moved_moments(i, entries, positions), strict=True
+                total, self._moved_moments(i, entries, positions, of), strict=True
             ):
                 whole[entries] = moved.reshape(len(entries), *whole.shape[1:])
         return total
 
-    def _moved_moments(self, i: int, entries: Sequence[int], positions: RigidPoses) -> Moments:
+    def _moved_moments(
+        self, i: int, entries: Sequence[int], positions: RigidPoses, of: MomentsOf[M]
+    ) -> M:
         """Moments of the bars of cylinder ``i``, stepped along entries that move a place.
 
         All entries at once: as many rows (k·m, …) as there are positions for each of k.
@@ -182,7 +190,7 @@ class SteppedDesign:
         linkage = self._stepped_by_row(i, entries, count)
         rows = positions[np.tile(np.arange(count), len(entries))]
         masses = moving.masses_of(i, areas, closed, linkage)
-        return weighed_by_row(masses, moving.moments_of(i, linkage, closed, rows))
+        return weighed_by_row(masses, moving.moments_of(i, linkage, closed, rows, of))
 
     def _pin_step(self, slope: Numbers = 1.0) -> Numbers:
         """What a quantity of this slope by a coordinate of a pin gains by the complex step."""

@@ -17,11 +17,14 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.carried_bars import Moments, inertia_and_gravity, of_bar
+from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.carried_bars import FirstMoments, M, Moments, gravity, inertia_and_gravity
+from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.linkage.base import Linkage
 
 InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
+# moments of a kilogram of a bar: ``of_bar`` or ``first_of_bar``
+MomentsOf: TypeAlias = Callable[[tuple[VectorJet, VectorJet], Array, Array], M]
 
 
 def masses(
@@ -91,14 +94,14 @@ class MovingMasses:
         )[..., 1:]
 
     def moments_of(
-        self, i: int, linkage: Linkage, closed: Any, positions: RigidPoses
-    ) -> list[Moments]:
+        self, i: int, linkage: Linkage, closed: Any, positions: RigidPoses, of: MomentsOf[M]
+    ) -> list[M]:
         """Moments of a kilogram of each bar of one cylinder, in its linkage's observer."""
         arm, link, own = linkage.arm, linkage.observer, linkage.joints
         ends = linkage.bars(positions, closed, link, own)
         rotation = arm.link_rotation(positions, link)
         origin = arm.point(positions, link, np.zeros(3))
-        return [of_bar(ends[name], rotation, origin) for name in self.bars[i]]
+        return [of(ends[name], rotation, origin) for name in self.bars[i]]
 
     def inertia_and_gravity(
         self, rigid: RigidPoses, moments: Callable[[int, RigidPoses], Moments]
@@ -107,27 +110,35 @@ class MovingMasses:
 
         ``moments`` are those of the bars of a cylinder at some positions of its own joints.
         """
-        each = zip(*self._of_each(rigid, moments), strict=True)
-        mass, gravity, slope = (np.sum(parts, axis=0) for parts in each)
-        return mass, gravity, slope
+        each = [
+            (mass[..., back, :, :], torque[..., back, :], slope[..., back, :, :])
+            for where, at, back in self._of_each(rigid, moments)
+            for mass, torque, slope in [inertia_and_gravity(*where, at)]
+        ]
+        mass, torque, slope = (np.sum(parts, axis=0) for parts in zip(*each, strict=True))
+        return mass, torque, slope
+
+    def gravity(
+        self, rigid: RigidPoses, moments: Callable[[int, RigidPoses], FirstMoments]
+    ) -> Array:
+        """The g (…, n, k) [N m] of ``inertia_and_gravity`` alone, from first moments."""
+        each = self._of_each(rigid, moments)
+        return np.sum([gravity(*where, at)[..., back, :] for where, at, back in each], axis=0)
 
     def _of_each(
-        self, rigid: RigidPoses, moments: Callable[[int, RigidPoses], Moments]
-    ) -> Iterator[InertiaAndGravity]:
-        """``inertia_and_gravity`` of the bars of each cylinder."""
+        self, rigid: RigidPoses, moments: Callable[[int, RigidPoses], M]
+    ) -> Iterator[tuple[tuple[Arm, str, Sequence[int], RigidPoses], M, Array | slice]]:
+        """Of each cylinder its arm, observer, own joints and the poses that differ for its bars.
+
+        Their moments there, and which of these poses every pose (n,) is.
+        """
         for i in self.bars:
             linkage = self.machine.linkages[i]
             few, back = rigid.distinct(*self._carrying(linkage))
             own = [j for j in linkage.joints if j < len(self.machine.joints)]
             positions, place = few.distinct(*own) if own else (few, slice(None))
-            mass, gravity, slope = inertia_and_gravity(
-                self.machine.arm,
-                linkage.observer,
-                linkage.joints,
-                few,
-                moments(i, positions).at(place),
-            )
-            yield mass[..., back, :, :], gravity[..., back, :], slope[..., back, :, :]
+            where = self.machine.arm, linkage.observer, linkage.joints, few
+            yield where, moments(i, positions).at(place), back
 
     def _carrying(self, linkage: Linkage) -> list[int]:
         """Joints between the root and the pins of a linkage, but for springs, which stand."""
