@@ -142,13 +142,13 @@ class Loops(ReadOnly):
         return LoopFigures(*((values.T * closed).T for values in figures))
 
     def arguments(self, controller: Controller) -> LoopArguments:
-        """These loops with their controllers, for compiled code."""
+        """These loops with copies of their controllers' gains, for compiled code."""
         return LoopArguments(
             self.positions,
             self.pressures,
             self.moment_arms,
-            np.ascontiguousarray(controller.position, dtype=float),
-            np.ascontiguousarray(controller.pressure, dtype=float),
+            np.array(controller.position, dtype=float, order="C"),
+            np.array(controller.pressure, dtype=float, order="C"),
             controller.filtered(self.omega),
         )
 

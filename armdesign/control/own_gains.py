@@ -151,11 +151,8 @@ class OwnGains:
     """
 
     def __init__(self, task: Task) -> None:
-        args = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
-        self._units = np.concatenate([args.gains, args.pressure_gains], axis=1)
-        self._loops = args._replace(
-            gains=args.gains.copy(), pressure_gains=args.pressure_gains.copy()
-        )
+        self._loops = loops = task.loops.arguments(task.controller(*map(np.ones, task.shapes)))
+        self._units = np.concatenate([loops.gains, loops.pressure_gains], axis=1)
         self._room, limit = _Room.of(task.loops), 1 / (SPARE * task.aim.margin)
         near = max(1 - 0.25 / limit**2, 1e-9) ** self._units.shape[1] / FAR
         worst = np.zeros(len(self._units), dtype=int)
