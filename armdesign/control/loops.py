@@ -23,7 +23,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.margins import Room, exceeds, invert, largest_norm
+from armdesign.control.margins import Room, invert, largest_norm
 from armdesign.simulation.plant.compiled import borrowing, within
 
 HALF = math.sqrt(0.5)  # −3 dB
@@ -104,21 +104,8 @@ class Loops(ReadOnly):
         """R K (n, 1, nc, nq)."""
         return (self.moment_arms * controller.position[:, None])[:, None]
 
-    def holds(self, controller: Controller, margin: float, rows: Array) -> Flags:
-        """Whether all loops together keep a balanced disk margin at some of the poses (m,).
-
-        Args:
-            controller: of all poses.
-            margin: the balanced disk margin α.
-            rows: indices of the poses (m,).
-        """
-        keeps = np.empty(len(rows), dtype=bool)
-        loops, room = self.arguments(controller), LoopRoom.of(self)
-        _write_holds(loops, 1 / margin, rows, self._worst, room, keeps)
-        return keeps
-
     @cached_property
-    def _worst(self) -> Array:
+    def worst(self) -> Array:
         """The frequency of each pose that missed a margin last (n,): looked at first."""
         return np.zeros(len(self.omega), dtype=int)
 
@@ -142,13 +129,13 @@ class Loops(ReadOnly):
         return LoopFigures(*((values.T * closed).T for values in figures))
 
     def arguments(self, controller: Controller) -> LoopArguments:
-        """These loops with their controllers, for compiled code."""
+        """These loops with copies of their controllers' gains, for compiled code."""
         return LoopArguments(
             self.positions,
             self.pressures,
             self.moment_arms,
-            np.ascontiguousarray(controller.position, dtype=float),
-            np.ascontiguousarray(controller.pressure, dtype=float),
+            np.array(controller.position, dtype=float, order="C"),
+            np.array(controller.pressure, dtype=float, order="C"),
             controller.filtered(self.omega),
         )
 
@@ -259,23 +246,6 @@ def halve(room: LoopRoom, half: float) -> None:
         room.S_c[i, i] -= half
     for i in range(len(room.S)):
         room.S[i, i] -= half
-
-
-@borrowing
-def _write_holds(
-    loops: LoopArguments, limit: float, rows: Array, worst: Array, room: LoopRoom, keeps: Flags
-) -> None:
-    for row in range(len(rows)):
-        keeps[row] = True
-        first = worst[rows[row]]
-        for turn in range(loops.positions.shape[1]):
-            f = first if turn == 0 else turn - 1 if turn <= first else turn
-            close_loops(loops, rows[row], f, room)
-            halve(room, 0.5)
-            command = exceeds(room.S_c, limit, room.command)
-            if command or exceeds(room.S, limit, room.position):
-                keeps[row], worst[rows[row]] = False, f
-                break
 
 
 @borrowing

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array, Flags
+from armdesign.control.loop_sight import margins_hold
 from armdesign.control.loops import Loops
 from armdesign.control.tuning import CLOSE, Task, Tuned, safe
 
@@ -57,5 +58,5 @@ def _holds(task: Task, kappa: Array, asked: Flags) -> Flags:
     """Whether the margin holds at the poses (n,) that are asked for; False at the others."""
     rows, holds = np.flatnonzero(asked), np.zeros(len(asked), dtype=bool)
     controller = task.controller(kappa, np.zeros(task.shapes[1]))
-    holds[rows] = task.loops.holds(controller, task.aim.margin, rows)
+    holds[rows] = margins_hold(task.loops, controller, task.aim.margin, rows)
     return holds

@@ -18,6 +18,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.control.controller import CORNER, Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
+from armdesign.control.loop_sight import margins_hold
 from armdesign.control.loops import FINE, LoopFigures, Loops
 from armdesign.control.stability import stability, stable
 from armdesign.units import bar
@@ -143,7 +144,7 @@ class Task:
         return self.common(SMALLEST * self._highest, 0.0)
 
     def _holding(self, kappa: Array, eta: float, rows: Array) -> Array:
-        return rows[self.loops.holds(self.common(kappa, eta), self.aim.margin, rows)]
+        return rows[margins_hold(self.loops, self.common(kappa, eta), self.aim.margin, rows)]
 
 
 def proportional(task: Task) -> Tuned:
@@ -257,14 +258,14 @@ def settled(task: Task, controller: Controller, least: Controller | None = None)
 
 def _keeping(task: Task, loops: Loops, controller: Controller, rows: Array) -> Array:
     """Those of some poses at which loops are stable, and keep the margin where they ring too."""
-    rows = rows[loops.holds(controller, task.aim.margin, rows)]
+    rows = rows[margins_hold(loops, controller, task.aim.margin, rows)]
     if len(rows) == 0:
         return rows
     plant, own = task.plant[rows], controller[rows]
     keeps, ringing = stability(plant, own)
     if ringing.size:
         there = Loops.at(plant, np.sort(ringing, axis=1))
-        keeps &= there.holds(own, task.aim.margin, np.arange(len(rows)))
+        keeps &= margins_hold(there, own, task.aim.margin, np.arange(len(rows)))
     return rows[keeps]
 
 

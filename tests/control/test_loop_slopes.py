@@ -50,7 +50,7 @@ def test_slope_of_the_room_below_a_limit(size: int) -> None:
 def test_slopes_of_all_that_is_seen_by_all_gains() -> None:
     """By central differences, with the rooms of all frequencies."""
     _, search, x = searched()
-    search._search = search._search._replace(near=1e9)
+    search._sight = search._sight._replace(near=1e9)
     x += 0.1 * np.random.default_rng(0).standard_normal(x.shape) - 0.2
     rows = np.flatnonzero(search._look(np.arange(len(x)), x).holds)
     assert len(rows) > 30
