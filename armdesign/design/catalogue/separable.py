@@ -150,7 +150,7 @@ BATCH = 2000  # combinations judged at a time
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class OfferedSizes:
     """Sizes to choose from for a cylinder; each makes one of it when it is asked for."""
 
     cylinder: Cylinder
@@ -283,11 +283,11 @@ def allowed_sizes(
         now = placed.cylinders[i]
         old = replace(old, stroke=now.stroke, closed_length=now.closed_length)
         pairs = offered(old, sizes, *free[i]) if free else sizes
-        choices.append(Choice(old, pairs, proportional))
+        choices.append(OfferedSizes(old, pairs, proportional))
     return _allowed(judge, choices)
 
 
-def _allowed(judge: Judge, choices: list[Choice]) -> AllowedSizes:
+def _allowed(judge: Judge, choices: list[OfferedSizes]) -> AllowedSizes:
     """The cylinders that meet all requirements of their own, and the shared requirements."""
     areas = [choice.areas for choice in choices]
     (slack,), changes = judge.slacks(judge.own), []
@@ -331,7 +331,7 @@ def _not_sums(judge: Judge, slack: Array, areas: list[Array], changes: list[Arra
     return np.asarray(np.any(np.abs(true - foreseen) > 1e-9 * (1 + np.abs(true)), axis=0))
 
 
-def _refusal(judge: Judge, choices: Sequence[Choice], sums: SlackSums) -> InfeasibleError:
+def _refusal(judge: Judge, choices: Sequence[OfferedSizes], sums: SlackSums) -> InfeasibleError:
     """The error that names requirements that exclude each other, and their least relaxation."""
     every = np.flatnonzero(sums.touched.any(axis=0))
     subsets = disjoint_subsets(sums, every)
@@ -369,7 +369,7 @@ def _largest_shares(judge: Judge) -> Array:
 
 
 def _checks(
-    judge: Judge, choices: Sequence[Choice | Sequence[Cylinder]], combination: Array
+    judge: Judge, choices: Sequence[OfferedSizes | Sequence[Cylinder]], combination: Array
 ) -> tuple[Check, ...]:
     """Every requirement of a combination, in the order of the judge's names."""
     chosen = tuple(sizes[o] for sizes, o in zip(choices, combination, strict=True))
