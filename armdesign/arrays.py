@@ -35,10 +35,10 @@ def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
     @wraps(method)
     def recalled(self: Any, x: Array) -> T:
         key = x.tobytes()
-        if name not in vars(self) or vars(self)[name][0] != key:
-            vars(self)[name] = key, method(self, x)
-        result: T = vars(self)[name][1]
-        return result
+        last: tuple[bytes, T] | None = vars(self).get(name)
+        if last is None or last[0] != key:
+            last = vars(self)[name] = key, method(self, x)
+        return last[1]
 
     return recalled
 

@@ -2,7 +2,8 @@
 
 ``python -m benchmarks.maps``: on excavator_20t, and on chains of one to seven joints. Both sides
 of the ratio run in this process on one core, the best of five each, by processor time (which is
-wall time on an idle machine); memory is the peak of processes of their own.
+wall time on an idle machine); memory is the peak of processes of their own. Last, what a second
+core gains, by wall time.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio
+from threadpoolctl import threadpool_limits
 
 import armdesign as ad
 from armdesign.arrays import Array
@@ -130,6 +132,21 @@ def main() -> None:
     ratio("rigid", machine.with_payload("full"))
     ratio("on a spring", on_a_spring(machine).with_payload("full"))
     growth()
+    cores()
+
+
+def cores() -> None:
+    """Wall time of the map of a million poses by one thread and by two, printed; turn by turn."""
+    machine, seconds = ad.load(MACHINE).with_payload("full"), {1: np.inf, 2: np.inf}
+    workspace = ad.Workspace.grid(machine, points=round(MANY ** (1 / 3)))
+    for threads in (1, 2) * 2:
+        with threadpool_limits(threads):
+            start = time.perf_counter()
+            ad.frequency_map(machine, workspace)
+            seconds[threads] = min(seconds[threads], time.perf_counter() - start)
+    gain = seconds[1] / seconds[2]
+    reached = "ok" if gain >= 1.7 else "MISSED"
+    print(f"two threads                  {gain:5.2f}       target ≥ 1.7     {reached}")
 
 
 def growth() -> None:

@@ -29,6 +29,7 @@ ROOMS = (
         "user_folders",
         "transaction",
         "arrays",
+        "threads",
         "short_repr",
         "progress",
     ),
@@ -76,7 +77,7 @@ DOORS = {  # library: the only modules that may import it
     "PIL": {"plots.canvas", "report.page"},
     "control": {"simulation.linear_model"},
     "distributed": {"sweeps.cluster"},
-    "threadpoolctl": {"sweeps.worker"},
+    "threadpoolctl": {"threads"},
     "numba": {"simulation.plant.compiled"},
 }
 

@@ -20,6 +20,7 @@ from armdesign.frequency.cases import CasePoses, in_chunks, poses_of
 from armdesign.frequency.modes import natural_modes
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
+from armdesign.mechanism.arm import RigidPoses
 
 CHUNK = 1_000  # poses whose frequency responses are in memory
 
@@ -89,13 +90,16 @@ def map_parts(cases: Sequence[CasePoses], machine: Machine) -> list[MapPart]:
         PoseError: a controller works at none of them.
     """
     parts: dict[str, list[MapPart]] = {case.name: [] for case in cases}
-    for case, _, rigid in in_chunks(cases, f"{machine.name}: bandwidths"):
-        poses = poses_of(cases, case, rigid) if len(rigid) else None
-        for begin in range(0, len(rigid), CHUNK):
-            assert poses is not None
-            some = poses[begin : begin + CHUNK]
-            works = np.flatnonzero(workable(case.machine, some))
-            parts[case.name].append(MapPart(case, some, works))
+
+    def some_poses(case: CasePoses, rigid: RigidPoses) -> list[MapPart]:
+        poses = poses_of(cases, case, rigid)
+        chosen = (poses[begin : begin + CHUNK] for begin in range(0, len(poses), CHUNK))
+        return [
+            MapPart(case, some, np.flatnonzero(workable(case.machine, some))) for some in chosen
+        ]
+
+    for case, of_case in in_chunks(cases, some_poses, f"{machine.name}: bandwidths"):
+        parts[case.name].extend(of_case)
     listed = [part for of_case in parts.values() for part in of_case]
     if not any(len(part.works) for part in listed):
         fault = "at no pose of the workspace can its valves move all loads both ways"

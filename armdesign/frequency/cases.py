@@ -8,8 +8,9 @@ here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, refuse_toppling
 from armdesign.mechanism.arm import RigidPoses
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,17 +89,25 @@ def groups_by_case(
 
 
 def in_chunks(
-    cases: Sequence[CasePoses], what: str
-) -> Iterator[tuple[CasePoses, Array, RigidPoses]]:
-    """The load cases of one workspace at their poses, chunk by chunk: case, indices, bare links.
+    cases: Sequence[CasePoses], work: Callable[[CasePoses, RigidPoses], T], what: str
+) -> Iterator[tuple[CasePoses, T]]:
+    """Results of work on load cases of one workspace and the bare links at a chunk of its poses.
 
-    Each chunk of the workspace is computed once for all load cases; none of a large workspace is
-    kept in memory. ``what`` names the work in the progress bar.
+    Chunk by chunk in the order of the workspace, and in each the load cases that exist at any of
+    its poses. Bare links are computed once for all load cases, and not kept if there are many.
+    Chunks go by threads, see ``in_threads``. ``what`` names the work in the progress bar.
     """
-    for rows, rigid in cases[0].workspace.parts(what):
-        for case in cases:
-            chosen = np.flatnonzero(case.exists[rows])
-            yield case, rows.start + chosen, scaled_links(rigid[chosen], case.link_share)
+
+    def at_all(rows: slice, rigid: RigidPoses) -> list[tuple[CasePoses, T]]:
+        chosen = ((case, np.flatnonzero(case.exists[rows])) for case in cases)
+        return [
+            (case, work(case, scaled_links(rigid[some], case.link_share)))
+            for case, some in chosen
+            if len(some)
+        ]
+
+    for results in cases[0].workspace.parts(at_all, what):
+        yield from results
 
 
 def poses_of(cases: Sequence[CasePoses], case: CasePoses, at: RigidPoses | Poses) -> Poses:
@@ -124,13 +135,16 @@ def refuse_toppling_anywhere(cases: Sequence[CasePoses]) -> None:
     Raises:
         PoseError: as ``Machine.at`` does.
     """
-    errors = []
-    for case, _, rigid in in_chunks(cases, f"{cases[0].machine.name}: springs"):
+
+    def error_at(case: CasePoses, rigid: RigidPoses) -> list[TopplingError]:
         try:
             case.machine.at(rigid)
         except TopplingError as error:
-            errors.append(error)
-    if errors:
+            return [error]
+        return []
+
+    found = in_chunks(cases, error_at, f"{cases[0].machine.name}: springs")
+    if errors := [error for _, some in found for error in some]:
         raise max(errors, key=lambda error: error.factor)
 
 

@@ -21,6 +21,7 @@ from armdesign.frequency.worst_frequency import WorstPose, refined
 from armdesign.hydraulics.actuator import Actuator, Motor
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, pose_text
+from armdesign.mechanism.arm import RigidPoses
 from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
@@ -245,13 +246,16 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     parts = np.empty((3 + bool(machine.springs), ends[-1]))
     limiting = np.empty(ends[-1], dtype=int)
     filled = dict(zip(cases, ends[:-1], strict=True))
-    for case, _, rigid in in_chunks(cases, f"{machine.name}: frequencies"):
+
+    def at_some(case: CasePoses, rigid: RigidPoses) -> tuple[Array, Array, Array]:
         poses = poses_of(cases, case, rigid)
         modes = _modes(case.machine, poses)
-        rows = slice(filled[case], filled[case] + len(poses))
-        values[:, rows] = _values(machine, poses, modes)
-        parts[:, rows] = _stiffness_parts(poses, modes)
-        limiting[rows] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+        largest = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+        return _values(machine, poses, modes), _stiffness_parts(poses, modes), largest
+
+    for case, of_some in in_chunks(cases, at_some, f"{machine.name}: frequencies"):
+        rows = slice(filled[case], filled[case] + len(of_some[2]))
+        values[:, rows], parts[:, rows], limiting[rows] = of_some
         filled[case] = rows.stop
     lowest = np.split(values[columns.index("f1_hz")], ends[1:-1])
     worst = [refined(case, of_case) for case, of_case in zip(cases, lowest, strict=True)]

@@ -18,6 +18,7 @@ from armdesign.arrays import Array, Flags, ReadOnly, chunks, congruent, stacked
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.short_repr import short_repr
+from armdesign.threads import in_threads
 from armdesign.units import GRAVITY
 
 if TYPE_CHECKING:
@@ -72,7 +73,8 @@ def natural_modes(poses: Poses) -> Modes:
         >>> print(modes.frequencies[:, 0].round(2))
         [ 8.77 10.77 14.25]
     """
-    return stacked((_natural_modes(poses[rows]) for rows in chunks(len(poses))), len(poses))
+    parts = in_threads(lambda rows: _natural_modes(poses[rows]), chunks(len(poses)))
+    return stacked(parts, len(poses))
 
 
 def _natural_modes(poses: Poses) -> Modes:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -28,10 +28,12 @@ from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.progress import with_bar
 from armdesign.short_repr import short_repr
+from armdesign.threads import in_threads
 
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 MARGIN_TOLERANCE = 1e-9
 
+T = TypeVar("T")
 Kind = Literal["grid", "sobol", "reach plane", "poses"]
 
 
@@ -211,14 +213,19 @@ class Workspace(ReadOnly):
         """The bare links at all poses: computed once, used for every design and payload."""
         return self.machine.rigid_poses(self.q)
 
-    def parts(self, what: str = "poses") -> Iterator[tuple[slice, RigidPoses]]:
-        """The bare links chunk by chunk, of a large workspace without keeping them in memory.
+    def parts(self, work: Callable[[slice, RigidPoses], T], what: str) -> Iterator[T]:
+        """Results of work on the bare links, chunk by chunk, by threads; see ``in_threads``.
 
-        ``what`` names the work in the progress bar.
+        Those of a large workspace are not kept in memory. ``what`` names the work in the progress
+        bar.
         """
-        kept = len(self) <= KEPT
-        for rows in with_bar(chunks(len(self)), len(self), what):
-            yield rows, self.rigid[rows] if kept else self.machine.rigid_poses(self.q[rows])
+        known = self.rigid if len(self) <= KEPT else None
+
+        def part(rows: slice) -> T:
+            links = self.machine.rigid_poses(self.q[rows]) if known is None else known[rows]
+            return work(rows, links)
+
+        return in_threads(part, with_bar(chunks(len(self)), len(self), what))
 
     def holds(self, payload: LoadCase) -> Flags:
         """Whether a load case exists at each pose (n,)."""

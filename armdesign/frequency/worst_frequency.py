@@ -19,6 +19,7 @@ from armdesign.frequency.modes import energy_shares, lowest_frequency, natural_m
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
+from armdesign.mechanism.arm import RigidPoses
 
 STARTS = 4  # local searches per load case
 Starts: TypeAlias = dict[str, tuple[Array, float]]
@@ -95,12 +96,15 @@ def lowest_of_poses(
     of_machines = [list(load_cases(machine, workspace, *shares)) for machine in machines]
     first = of_machines[0]
     found: list[list[Array]] = [[] for _ in first]
-    for case, indices, rigid in in_chunks(first, f"{machines[0].name}: worst frequency"):
-        if len(indices) > 0:
-            k = first.index(case)
-            poses = poses_of(first, case, rigid)
-            others = (poses_of(cases, cases[k], poses) for cases in of_machines[1:])
-            found[k].append(np.stack([lowest_frequency(one) for one in (poses, *others)]))
+
+    def lowest(case: CasePoses, rigid: RigidPoses) -> tuple[int, Array]:
+        k = first.index(case)
+        poses = poses_of(first, case, rigid)
+        others = (poses_of(cases, cases[k], poses) for cases in of_machines[1:])
+        return k, np.stack([lowest_frequency(one) for one in (poses, *others)])
+
+    for _, (k, frequencies) in in_chunks(first, lowest, f"{machines[0].name}: worst frequency"):
+        found[k].append(frequencies)
     exist = [k for k, parts in enumerate(found) if parts]
     known = {k: np.concatenate(found[k], axis=1) for k in exist}
     return [_lowest(first, {k: known[k][i] for k in exist}) for i in range(len(machines))]

@@ -16,6 +16,7 @@ from armdesign.influence.compass_search import lowest_near
 from armdesign.influence.ends import Ends, ends_at
 from armdesign.influence.family import Family
 from armdesign.machine.machine import Machine
+from armdesign.mechanism.arm import RigidPoses
 
 WITHIN = 0.25  # of the worst frequency: poses so near to it are its rivals
 APART = 0.02  # of a joint's range: poses nearer than this are one
@@ -75,8 +76,12 @@ def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tu
     """
     cases = list(load_cases(machine, workspace))
     parts: dict[CasePoses, list[Array]] = {case: [] for case in cases}
-    for case, _, rigid in in_chunks(cases, f"{machine.name}: worst pose"):
-        parts[case].append(lowest_frequency(poses_of(cases, case, rigid)))
+
+    def lowest(case: CasePoses, rigid: RigidPoses) -> Array:
+        return lowest_frequency(poses_of(cases, case, rigid))
+
+    for case, frequencies in in_chunks(cases, lowest, f"{machine.name}: worst pose"):
+        parts[case].append(frequencies)
     minima = [
         (case, q, value)
         for case, values in parts.items()

@@ -19,6 +19,7 @@ from armdesign.journal.journal import Entry
 from armdesign.machine.machine import Machine
 from armdesign.sweeps.cases import Case
 from armdesign.sweeps.tasks import Task, task_named
+from armdesign.threads import one_thread
 
 ONE_THREAD = {  # environment of processes whose libraries shall not share out the processors
     name: "1"
@@ -95,9 +96,7 @@ def answer(name: str, case: Case) -> Outcome:
 
     Whatever goes wrong in the case is in the outcome: one case does not end the others.
     """
-    from threadpoolctl import threadpool_limits
-
-    with _one_at_a_time, threadpool_limits(1):
+    with _one_at_a_time, one_thread():
         start = time.perf_counter()
         try:
             numbers = _answer(_studies[name], case)
