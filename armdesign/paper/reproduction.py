@@ -204,12 +204,12 @@ def _measurements(machines: Sequence[Machine], sweep: SweptSine) -> tuple[Measur
 def _open_loop(small: Experiment, sweep: SweptSine) -> SimulationCase:
     """The paper's sweep of an experiment's machine."""
     return SimulationCase(
-        machine=small.machine,
+        machine=small.rest.machine,
         q=np.zeros(1),
-        command={small.machine.cylinders[0].name: sweep},
+        command={small.rest.machine.cylinders[0].name: sweep},
         duration=sweep.duration,
         rate=RATE,
-        preloaded=small.preloaded,
+        preloaded=small.rest.preloaded,
     )
 
 

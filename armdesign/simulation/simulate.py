@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypedDict, TypeVar, Unpack
+from typing import NamedTuple, TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -243,27 +243,49 @@ def _stacked(
     cases: Sequence[SimulationCase], tolerance: float
 ) -> list[Simulation | SimulationError]:
     """Runs of one shape."""
-    plants = [Plant(case.machine) for case in cases]
-    starts = [_start(plant, case) for plant, case in zip(plants, cases, strict=True)]
+    ready = _ready(cases)
+    plants, starts = [one.plant for one in ready], list(map(_start, ready, cases))
     commands, holds = [case.command for case in cases], [case.hold for case in cases]
-    system = ControlledPlant.of(plants, [start.state for start in starts], commands, holds)
+    system = ControlledPlant.of(plants, starts, commands, holds)
     runs: list[Simulation | SimulationError] = []
-    for row, states in enumerate(_states(system, cases, tolerance)):
+    fastest = np.array([one.fastest for one in ready])
+    for row, states in enumerate(_states(system, cases, fastest, tolerance)):
         alone = system.picked([row])
         if isinstance(states, GaveUpError):
             runs.append(_failure(alone, states, tolerance))
         else:
-            unheld = _unheld(starts[row].holdings)
+            unheld = _unheld(ready[row].equilibrium.holdings)
             runs.append(_recorded(alone, float(cases[row].duration), states, unheld))
     return runs
 
 
-def _start(plant: Plant, case: SimulationCase) -> Equilibrium:
-    """Equilibrium at t = 0, but for the velocity."""
-    start = find_equilibrium(plant, case.q, case.preloaded)
+class _Ready(NamedTuple):
+    """A plant in equilibrium at a pose, ready to start."""
+
+    plant: Plant
+    equilibrium: Equilibrium
+    fastest: float  # largest ω of its undamped oscillations [rad/s]
+
+
+def _ready(cases: Sequence[SimulationCase]) -> list[_Ready]:
+    """The plants of all cases in equilibrium; one for those that share machine and pose."""
+    known: dict[Hashable, _Ready] = {}
+    keys = [(id(case.machine), id(case.q), case.preloaded) for case in cases]
+    for key, case in zip(keys, cases, strict=True):
+        if key not in known:
+            plant = Plant(case.machine)
+            equilibrium = find_equilibrium(plant, case.q, case.preloaded)
+            fastest = float(natural_modes(case.machine.at(case.q)).frequencies.max())
+            known[key] = _Ready(plant, equilibrium, 2 * math.pi * fastest)
+    return [known[key] for key in keys]
+
+
+def _start(ready: _Ready, case: SimulationCase) -> Array:
+    """State at t = 0: equilibrium, but for the velocity."""
+    state = ready.equilibrium.state.copy()
     if case.velocity is not None:
-        plant.split(start.state)[1][: len(case.machine.joints)] = case.velocity
-    return start
+        ready.plant.split(state)[1][: len(case.machine.joints)] = case.velocity
+    return state
 
 
 def _unheld(holdings: Sequence[StaticHold]) -> list[tuple[float, str]]:
@@ -274,18 +296,19 @@ def _unheld(holdings: Sequence[StaticHold]) -> list[tuple[float, str]]:
 
 
 def _states(
-    system: ControlledPlant, cases: Sequence[SimulationCase], tolerance: float
+    system: ControlledPlant, cases: Sequence[SimulationCase], fastest: Array, tolerance: float
 ) -> list[Array | GaveUpError]:
-    """States of all cases at their instants, or why there are none."""
-    undamped, spools = [], []
+    """States of all cases at their instants, or why there are none.
+
+    ``fastest``: largest ω of their undamped oscillations (n,) [rad/s].
+    """
+    spools = []
     for case in cases:
-        undamped.append(natural_modes(case.machine.at(case.q)).frequencies.max())
         valves = [actuator.valve for actuator in case.machine.actuators if actuator.valve]
         spools.append(max(valve.natural_frequency for valve in valves))
-    omega = 2 * math.pi * np.array(undamped)
-    largest = np.maximum(omega, 2 * math.pi * np.array(spools))
+    largest = np.maximum(fastest, 2 * math.pi * np.array(spools))
     span = Span.of([case.duration for case in cases], [case.rate for case in cases])
-    pace, breaks = Pace(omega, largest), system.breaks
+    pace, breaks = Pace(fastest, largest), system.breaks
     return integrate(system, system.start, span, pace, breaks, tolerance, MOST_STEPS)
 
 

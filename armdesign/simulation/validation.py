@@ -45,6 +45,7 @@ from armdesign.short_repr import short_repr
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.kept_sweeps import form
 from armdesign.simulation.linearization import without_dry_friction
+from armdesign.simulation.resting import Resting
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import SimulationCase, attempt_all
 from armdesign.simulation.sweeps import Failure, FittedMode, SweptMode, with_remarks
@@ -326,42 +327,51 @@ class Wanted(NamedTuple):
 
 def _plan(place: NamedPose, wanted: Wanted) -> list[list[PlannedSweep] | Failure]:
     """The sweeps of every cylinder at a place, or why there are none."""
-    groups: list[list[PlannedSweep] | Failure] = []
     name, machine, pose = place
     poses = machine.at(pose)
-    for index, mode in _cylinders_and_modes(machine, poses, wanted.cylinders):
-        sweep = SweptMode(
+    frequencies = natural_modes(poses).frequencies[0].tolist()
+    pairs = _cylinders_and_modes(machine, poses, wanted.cylinders)
+    sweeps = [
+        SweptMode(
             pose=name,
             payload=machine.payload.name,
             q=poses.q[0].copy(),
             cylinder=machine.actuators[index].name,
             mode=mode + 1,
-            linear_frequency=float(natural_modes(poses).frequencies[0, mode]),
+            linear_frequency=frequencies[mode],
             frequency_at_rest=math.nan,
             linear_damping=math.nan,
             amplitude=math.nan,
         )
-        try:
-            experiment = Experiment.of(machine, pose, index, mode)
-            groups.append(_group(sweep, experiment, wanted.amplitude))
-        except SimulationError as error:
-            groups.append(Failure(**vars(sweep), error=error))
-    return groups
+        for index, mode in pairs
+    ]
+    try:
+        versions = _versions(Resting.of(machine, pose))
+    except SimulationError as error:
+        return [Failure(**vars(sweep), error=error) for sweep in sweeps]
+    experiments = [[Experiment.on(rest, *pair) for rest in versions] for pair in pairs]
+    of_cylinders = zip(sweeps, experiments, strict=True)
+    return [_group(sweep, of_one, wanted.amplitude) for sweep, of_one in of_cylinders]
+
+
+def _versions(rest: Resting) -> list[Resting]:
+    """The machine at rest without dry friction, and with it where it has any."""
+    frictions = [actuator.friction for actuator in rest.machine.actuators]
+    if not any(friction.coulomb or friction.static for friction in frictions):
+        return [rest]
+    return [rest.of_machine(without_dry_friction(rest.machine)), rest]
 
 
 def _group(
-    sweep: SweptMode, experiment: Experiment, amplitude: float | None
+    sweep: SweptMode, versions: Sequence[Experiment], amplitude: float | None
 ) -> list[PlannedSweep]:
-    """Full and half amplitude without dry friction, and with it where the machine has any."""
-    machine, linear = experiment.machine, experiment.linear
+    """Full and half amplitude of every version of an experiment."""
+    experiment, linear = versions[-1], versions[-1].rest.linear
     full = amplitude or experiment.default_amplitude()
     nearest = np.argsort(np.abs(linear.natural_frequencies - experiment.target))[:1]
     # Without a pair left it is overdamped.
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0
     sweep = dataclasses.replace(sweep, frequency_at_rest=experiment.target, linear_damping=damping)
-    versions, frictions = [experiment], [actuator.friction for actuator in machine.actuators]
-    if any(friction.coulomb or friction.static for friction in frictions):
-        versions = [experiment.of_machine(without_dry_friction(machine)), experiment]
     return [
         PlannedSweep(dataclasses.replace(sweep, amplitude=size), version)
         for version in versions

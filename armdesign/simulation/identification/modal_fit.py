@@ -15,7 +15,8 @@ response, free of that smear, is (Y − E/A)/U.
 
 Noise of the input reaches the output through the response H: the lines then scatter by σ² + |H|²
 times the input's own variance, which is largest at resonance, where few lines tell. What the input
-holds above the band measures that variance; fits with and without it are averaged.
+holds above the band measures that variance; fits with and without it are averaged. An input that
+is known exactly has none.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
+from armdesign.simulation.identification.averaging import averaged
 from armdesign.simulation.identification.records import signals_of
 from armdesign.simulation.identification.residual_terms import (
     Answer,
@@ -106,6 +108,8 @@ def identify_forced_response(
     band: tuple[float, float],
     modes: int = 1,
     part: str = "response",
+    *,
+    noisy_input: bool = True,
 ) -> ModalFit:
     """Natural frequencies and damping ratios of the modes that a forced response shows in a band.
 
@@ -119,6 +123,8 @@ def identify_forced_response(
         band: lowest and highest frequency that counts [Hz].
         modes: how many modes the band holds.
         part: name of the record for messages.
+        noisy_input: the input was measured, with noise. Without, as in a simulation, what it holds
+            above the band is part of it.
 
     Raises:
         SimulationError: the record is too short or has no even instants, nothing moves, or the
@@ -139,7 +145,7 @@ def identify_forced_response(
     """
     record = signals_of(part, time, excitation, response)
     frequency, u, y = _spectra_within(band, record, modes, part)
-    noise = _variance_above(record[1][0], record[0], ABOVE * band[1])
+    noise = _variance_above(record[1][0], record[0], ABOVE * band[1]) if noisy_input else 0.0
     return _fit(frequency, u, y, np.ones(len(frequency)), _degrees(modes), part, noise)
 
 
@@ -303,21 +309,16 @@ def _fit(
         part: name of the response for messages.
         input_noise: variance of the input's lines by noise.
     """
-    scaled, modes = _Scaled.of(frequency, u, y, weight, ends=degrees[2] > 0), degrees[0] // 2
+    scaled = _Scaled.of(frequency, u, y, weight, ends=degrees[2] > 0)
     lines, middle, inputs, outputs = scaled.lines, scaled.middle, scaled.inputs, scaled.outputs
     fits = answers(lines, _starts(lines, degrees))
     if input_noise > 0:
         fits += _with_input_noise(lines, fits, input_noise / inputs**2)
     weights = weights_of(fits)
-    poles = np.array([one.poles[:modes] for one in fits])
-    mean = np.einsum("i,ijk->jk", weights, poles)
-    deviations, remainders = _deviations(fits, weights, poles - mean)
+    mean, deviations, remainders = averaged(fits, weights)
     if np.any(mean[:, 1] >= OVERDAMPED) or np.all(deviations[:, 0] >= mean[:, 0]):
-        raise SimulationError(
-            part,
-            "shows no oscillation in the band",
-            "it is overdamped, or the amplitude too small",
-        )
+        remedy = "it is overdamped, or the amplitude too small"
+        raise SimulationError(part, "shows no oscillation in the band", remedy)
     likeliest = fits[int(np.argmax(weights))]
     fitted, ends = likeliest.spectra(lines, lines.s)
     dense = np.linspace(frequency[0], frequency[-1], 800)
@@ -363,19 +364,6 @@ class _Scaled:
         s = 1j * frequency / middle
         lines = Lines(s, u / inputs, weight * y / outputs, weight, ends)
         return cls(lines, middle, inputs, outputs)
-
-
-def _deviations(fits: list[Answer], weights: Array, apart: Array) -> tuple[Array, Array]:
-    """Standard deviations of ω and ζ (m, 2): in all, and without noise.
-
-    ``apart``: each answer less the mean.
-    """
-    within = np.array([np.diag(one.covariance).reshape(-1, 2) for one in fits])
-    noise = np.array([np.diag(one.noise).reshape(-1, 2) for one in fits])
-    variance, of_noise = (
-        np.einsum("i,ijk->jk", weights, each) for each in (within + apart**2, noise)
-    )
-    return np.sqrt(variance), np.sqrt(np.maximum(variance - of_noise, 0))
 
 
 def _variance_above(signal: Array, step: float, frequency: float) -> float:
@@ -424,10 +412,8 @@ def _starts(lines: Lines, degrees: tuple[int, int, int]) -> Array:
         starts = [[[w, z]] for w in np.geomspace(low, high, 7)[1:-1] for z in STARTS]
     if len(roots) == modes:
         size = np.abs(roots)
-        plain = np.stack(
-            [np.clip(size, low, high), np.clip(-roots.real / size, 1e-3, 0.7)], axis=1
-        )
-        starts.append(plain.tolist())
+        plain = np.clip(size, low, high), np.clip(-roots.real / size, 1e-3, 0.7)
+        starts.append(np.transpose(plain).tolist())
     return np.array(starts)
 
 

@@ -132,7 +132,7 @@ def rung() -> dict[str, tuple[Experiment, Simulation]]:
         machine = ad.load(name).replace({"damped": False})
         machine = machine.with_payload("full") if name == "excavator_20t" else machine
         one = Experiment.of(machine, np.array(pose), 0, 0)
-        pulse = RaisedCosine(one.default_amplitude() / 4, 0.2 / one.frequencies.max())
+        pulse = RaisedCosine(one.default_amplitude() / 4, 0.2 / one.rest.frequencies.max())
         run = simulate(
             machine,
             pose,
@@ -153,8 +153,8 @@ def test_plant_rings_in_its_linear_modes(
     """All modes from one pulse of one valve, without damping: oil shut in."""
     one, run = rung[name]
     # the spools are shut again: 10 Hz, ζ = 0.8
-    late = run.time > 2 / 10 + 0.2 / one.frequencies.max()
+    late = run.time > 2 / 10 + 0.2 / one.rest.frequencies.max()
     ringdown = identify_ringdown(run.time[late], run.speeds[late], modes=modes)
-    linear = linearize(one.machine, one.pose)
+    linear = linearize(one.rest.machine, one.rest.pose)
     assert ringdown.natural_frequencies == pytest.approx(linear.natural_frequencies, rel=2e-3)
     assert ringdown.damping_ratios == pytest.approx(linear.damping_ratios, abs=2e-3)
