@@ -20,7 +20,9 @@ TRIALS = 50  # middles of cells tried as designs
 PASS = 60  # cells that cost little more together than a few
 WITHIN = 1e-9  # by which vertices of volumes are drawn in: rounding
 
-Cover: TypeAlias = tuple[Array, Array]  # corners of cells
+Cover: TypeAlias = tuple[Array, Array]  # corners (m, 3 or 5) of cells
+Best: TypeAlias = tuple[float, Array, Array]  # value, place and volume as in ``Maximum``
+NOTHING: Best = -math.inf, np.zeros(5), np.zeros(2)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,7 +34,12 @@ class Maximum:
     place: Array  # (5,) b and scale, and swept volumes or areas of a catalogue
     volume: Array  # (2,) [m³]
     cells: int  # looked at
-    leaves: Cover  # corners (m, 3 or 5) of all cells that were not halved
+    leaves: Cells  # all that were not halved
+
+    @property
+    def cover(self) -> Cover:
+        """Cells that hold all that is allowed."""
+        return self.leaves.low, self.leaves.high
 
 
 def whole_region(term: CylinderTerm) -> Cover:
@@ -55,46 +62,62 @@ def part_of(cover: Cover, region: Cover) -> Cover:
     return low[inside], high[inside]
 
 
-def maximum(
-    term: CylinderTerm,
-    tolerance: float,
-    most_cells: int,
-    known: Array | None = None,
-    cover: Cover | None = None,
+def first_look(
+    term: CylinderTerm, known: Array | None = None, cover: Cover | None = None
 ) -> Maximum:
-    """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at.
+    """What is known of a term by cells that hold all that is allowed; None: the region's.
 
-    Designs at ``known`` places (m, 5) are tried first: where few are allowed, halving finds none.
-    ``cover`` are cells that hold all that is allowed, to begin with; None: the region's.
+    Designs at ``known`` places (m, 5) are tried too: where few are allowed, halving finds none.
     """
     low, high = cover or whole_region(term)
-    best = Maximum(
-        upper=math.inf,
-        value=-math.inf,
-        place=np.zeros(5),
-        volume=np.zeros(2),
-        cells=0,
-        leaves=(low, high),
-    )
     places = np.empty((0, low.shape[1])) if known is None else known[:, : low.shape[1]]
-    cells, best = _looked_at(term, best, low, high, places)
-    looked, done = len(low), []
+    cells, best = _looked_at(term, NOTHING, low, high, places)
+    return _maximum(best, cells, len(low))
+
+
+def nearer(term: CylinderTerm, begun: Maximum, tolerance: float, most_cells: int) -> Maximum:
+    """Branch and bound until upper − value ≤ tolerance or so many cells have been looked at.
+
+    From what has been ``begun`` of the same term.
+    """
+    best: Best = begun.value, begun.place, begun.volume
+    cells, looked, done = begun.leaves, begun.cells, []
     while True:
-        open_cells = cells.bound > best.value + tolerance
+        open_cells = cells.bound > best[0] + tolerance
         done.append(cells[~open_cells])
         cells = cells[open_cells]
         if len(cells.bound) == 0 or looked >= most_cells:
             break
         order = np.argsort(-cells.bound)
         parents, waiting = cells[order[:BATCH]], cells[order[BATCH:]]
-        low, high, source = _parts(parents)
-        children, best = _looked_at(term, best, low, high, _middles(term, parents))
-        looked += len(low)
-        inherited = parents.bound[source[children.source]]
-        cells = together(waiting, replace(children, bound=np.minimum(children.bound, inherited)))
-    leaves = together(*done, cells)
-    upper = max(float(leaves.bound.max(initial=-math.inf)), best.value)
-    return replace(best, upper=upper, cells=looked, leaves=(leaves.low, leaves.high))
+        count, children, best = _children(term, best, parents)
+        looked += count
+        cells = together(waiting, children)
+    return _maximum(best, together(*done, cells), looked)
+
+
+def _maximum(best: Best, leaves: Cells, looked: int) -> Maximum:
+    """The most by leaves and by the best design of them."""
+    value, place, volume = best
+    upper = max(float(leaves.bound.max(initial=-math.inf)), value)
+    return Maximum(
+        upper=upper, value=value, place=place, volume=volume, cells=looked, leaves=leaves
+    )
+
+
+def _children(term: CylinderTerm, best: Best, parents: Cells) -> tuple[int, Cells, Best]:
+    """How many parts of cells have been looked at, those left, and the best of their designs.
+
+    Only angles count that may in some of the cells.
+    """
+    angles = np.flatnonzero(parents.useful.any(axis=0))
+    near = replace(term, limits=term.limits.at(angles))
+    low, high, source = _parts(parents)
+    children, best = _looked_at(near, best, low, high, _middles(near, parents))
+    useful = np.zeros((len(children.bound), parents.useful.shape[1]), dtype=bool)
+    useful[:, angles] = children.useful
+    bound = np.minimum(children.bound, parents.bound[source[children.source]])
+    return len(low), replace(children, bound=bound, useful=useful), best
 
 
 def _parts(cells: Cells) -> tuple[Array, Array, Array]:
@@ -126,8 +149,8 @@ def halves(cells: Cells) -> tuple[Array, Array]:
 
 
 def _looked_at(
-    term: CylinderTerm, best: Maximum, low: Array, high: Array, places: Array
-) -> tuple[Cells, Maximum]:
+    term: CylinderTerm, best: Best, low: Array, high: Array, places: Array
+) -> tuple[Cells, Best]:
     """Cells bounded, and the best of the designs at places too, which are cells of no width."""
     corners = np.concatenate([low, places]), np.concatenate([high, places])
     drawn = term.limits.drawn
@@ -142,12 +165,12 @@ def _looked_at(
     if drawn is not None:  # a cell of no width is a design
         designs = together(designs, cells[np.all(cells.low == cells.high, axis=1)])
     designs = designs[np.isfinite(designs.bound)]
-    if len(designs.bound) == 0 or designs.bound.max() <= best.value:
+    if len(designs.bound) == 0 or designs.bound.max() <= best[0]:
         return cells, best
     k = int(designs.bound.argmax())
     place, volume = designs.low[k], designs.volume[k]
     place = np.append(place[:3], volume if term.limits.areas.pairs is None else place[3:])
-    return cells, replace(best, value=float(designs.bound[k]), place=place, volume=volume)
+    return cells, (float(designs.bound[k]), place, volume)
 
 
 def _middles(term: CylinderTerm, cells: Cells) -> Array:
@@ -162,7 +185,8 @@ def _middles(term: CylinderTerm, cells: Cells) -> Array:
     if term.limits.areas.pairs is not None:
         low[:, 3:] = term.limits.areas.nearest((low[:, 3:] + high[:, 3:]) / 2)
         if drawn := term.limits.drawn:
-            return drawn.nearest(low, *term.shape.region)
+            low = drawn.nearest(low, *term.shape.region)
+            return np.clip(low, cells.low[:TRIALS], cells.high[:TRIALS])
         return low
     allowed = term.limits.allowed(low, high)
     volume = allowed.volume

@@ -41,6 +41,8 @@ class AllowedBoxes:
         scale: scales (k,).
         volume: vertices (k, v, 2) of a polygon around the swept volumes [m³].
         low, high: ends (k, 2) of the swept volumes; of the areas where they are of a catalogue.
+        useful: angles of the shape after its ends (k, n) that may ask for most in a box or its
+            parts; of no box those that never do.
         oil: least oil (k, 2) that is swept as built [m³]; None where lengths are on no grid.
     """
 
@@ -49,6 +51,7 @@ class AllowedBoxes:
     volume: Array
     low: Array
     high: Array
+    useful: Flags
     oil: Array | None = None
 
 
@@ -137,6 +140,7 @@ class CylinderConstraints:
             volume=vertices,
             low=vertices.min(axis=1),
             high=vertices.max(axis=1),
+            useful=self._useful(e)[left],
         )
 
     def _placed(self, low: Array, high: Array) -> tuple[Array, Enclosure, Interval]:
@@ -178,18 +182,21 @@ class CylinderConstraints:
         """
         pairs = self.areas.pairs
         assert pairs is not None
+        inside = np.ones((len(low), len(pairs)), dtype=bool)
+        if low.shape[1] > 0:
+            inside = np.all((pairs >= low[:, None]) & (pairs <= high[:, None]), axis=2)
+            some = inside.any(axis=0)
+            pairs, inside = pairs[some], inside[:, some]
         whole, (cap, annulus) = scale, pairs.T
         stroke, scale = self._of_each_pair(e, scale, pairs)
-        possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
-        if low.shape[1] > 0:
-            possible &= np.all((pairs >= low[:, None]) & (pairs <= high[:, None]), axis=2)
+        possible = inside & ~((stroke.low > stroke.high) | (scale.low > scale.high))
         left = np.flatnonzero(possible.any(axis=1))
 
         def span(low: Array, high: Array) -> Interval:
             """Of what is possible (k,)."""
             return Interval(
-                np.where(possible, low, np.inf).min(axis=1)[left],
-                np.where(possible, high, -np.inf).max(axis=1)[left],
+                np.where(possible, low, np.inf).min(axis=1, initial=np.inf)[left],
+                np.where(possible, high, -np.inf).max(axis=1, initial=-np.inf)[left],
             )
 
         volume, ratio = span(cap * stroke.low, cap * stroke.high), span(*2 * [annulus / cap])
@@ -206,6 +213,7 @@ class CylinderConstraints:
             volume=np.stack([np.stack([v, v * r], axis=1) for v, r in corners], axis=1),
             low=np.stack([area.low for area in areas], axis=1),
             high=np.stack([area.high for area in areas], axis=1),
+            useful=self._useful(e)[left],
             oil=oil,
         )
 
@@ -240,26 +248,36 @@ class CylinderConstraints:
         return None if areas is None else replace(self, areas=areas)
 
     def of_useful_angles(self) -> CylinderConstraints:
-        """The same without angles that ask for less than others do, wherever in the region.
+        """The same without angles that ask for less than others do, wherever in the region."""
+        useful = self.allowed(*self.shape.cut(BOXES)).useful
+        return self.at(np.flatnonzero(useful.any(axis=0))) if len(useful) > 0 else self
 
-        These have neither the least nor the largest moment arm in any of some boxes of it, nor a
-        load that can ask for most there.
+    def at(self, angles: Array) -> CylinderConstraints:
+        """The same at some of the shape's angles after its ends, by their ascending indices."""
+        ranged = self.ranged - 2
+        first, loads = angles[angles < ranged], angles[angles >= ranged] - ranged
+        return replace(
+            self, shape=self.shape.at(angles), ranged=2 + len(first), loads=self.loads[loads]
+        )
+
+    def _useful(self, e: Enclosure) -> Flags:
+        """Angles after the ends (m, n) that may ask for most in boxes of a shape.
+
+        Others have neither the least nor the largest moment arm there, nor a load of a place that
+        can ask for most.
         """
-        low, high = self.shape.cut(BOXES)
-        kept = self.allowed(low, high).kept
-        if len(kept) == 0:
-            return self
-        e = self.shape.enclose(low[kept, :2], high[kept, :2])
-        arm, rate = ((part * self.shape.sign).above(LEAST) for part in (e.arm, e.rate))
-        ends, own = arm[:, : self.ranged], rate[:, : self.ranged]
-        useful = ends.low <= ends.high.min(axis=1, keepdims=True)
+        if e.is_point:
+            return np.ones((len(e.reach), len(self.shape.constant) - 2), dtype=bool)
+        arm, size = (e.wide.arm * self.shape.sign).above(LEAST), self._rates(e)
+        arm, ranged = arm[:, : self.ranged], size[:, : self.ranged]
+        useful = arm.low <= arm.high.min(axis=1, keepdims=True)
         if self.torque.any():
-            useful |= own.high >= own.low.max(axis=1, keepdims=True)
-        first = np.flatnonzero(useful.any(axis=0)[2:])
-        held = rate[:, rate.low.shape[1] - len(self.loads.angle) :]
-        loads, kept = self.loads.useful(held)
-        angles = np.concatenate([first, self.ranged - 2 + kept])
-        return replace(self, shape=self.shape.at(angles), ranged=2 + len(first), loads=loads)
+            useful |= ranged.high >= ranged.low.max(axis=1, keepdims=True)
+        return np.column_stack([useful[:, 2:], self.loads.greatest(size[:, self.ranged :])])
+
+    def _rates(self, e: Enclosure) -> Interval:
+        """Sizes |ρ| of the rates (m, n)."""
+        return (e.rate * self.shape.sign).above(LEAST)
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.program.problem import Problem
@@ -52,25 +52,22 @@ class Loads:
         easiest = np.minimum.reduceat(self.held[:, None] / size, starts, axis=2)
         return np.asarray(easiest.max(axis=2))
 
-    def useful(self, size: Interval) -> tuple[Loads, Array]:
-        """Loads that can be the greatest for rates (m, n) of this size, and their indices.
-
-        Of boxes (m,) each. Left out are places that ask for less than another does at least, and
-        poses that are harder than another of their place at most.
-        """
+    def greatest(self, size: Interval) -> Flags:
+        """Loads (m, n) of places that may ask for most where rates (m, n) have these sizes."""
         if len(self.angle) == 0:
-            return self, np.empty(0, dtype=int)
+            return np.zeros((len(size.low), 0), dtype=bool)
         starts = np.flatnonzero(np.diff(self.place, prepend=-1))
+        least, most = (
+            np.minimum.reduceat(self.held[:, None] / end, starts, axis=2)
+            for end in (size.high, size.low)
+        )
+        greatest = (most > 0) & (most >= least.max(axis=2, keepdims=True))
         count = np.diff([*starts, len(self.place)])
-        least, most = (self.held[:, None] / end for end in (size.high, size.low))
-        of_place = [np.minimum.reduceat(part, starts, axis=2) for part in (least, most)]
-        greatest = (of_place[1] > 0) & (of_place[1] >= of_place[0].max(axis=2, keepdims=True))
-        counts = np.repeat(greatest.any(axis=1), count, axis=1)  # of both ways
-        easiest = least <= np.repeat(of_place[1], count, axis=2)
-        kept = np.flatnonzero((counts & easiest.any(axis=1)).any(axis=0))
-        held, place = np.where(counts, self.held, 0.0)[:, kept], self.place[kept]
-        place = np.unique(place, return_inverse=True)[1]
-        return Loads(angle=self.angle[kept], held=held, place=place), kept
+        return np.repeat(greatest.any(axis=0), count, axis=1)
+
+    def __getitem__(self, loads: Array) -> Loads:
+        place = np.unique(self.place[loads], return_inverse=True)[1]
+        return Loads(angle=self.angle[loads], held=self.held[:, loads], place=place)
 
 
 def loads_of(problem: Problem, i: int, bars: Sequence[BarEnclosure], sign: float) -> Loads:

@@ -40,7 +40,8 @@ class Cells:
 
     Of areas instead where they are of a catalogue.
 
-    Upper bound, the swept volumes (m, 2) that it is for, and what each axis adds to it.
+    Upper bound, the swept volumes (m, 2) that it is for, what each axis adds to it, and angles of
+    the limits that count in it (m, n), see ``AllowedBoxes``.
     """
 
     low: Array
@@ -48,9 +49,10 @@ class Cells:
     bound: Array
     volume: Array
     added: Array
+    useful: Flags
     source: Array  # (m,) index among the cells passed to ``CylinderTerm.upper``
 
-    def __getitem__(self, rows: Array) -> Cells:
+    def __getitem__(self, rows: Array | slice) -> Cells:
         return Cells(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
@@ -109,6 +111,7 @@ class CylinderTerm:
             bound=most,
             volume=vertices[rows, best],
             added=added,
+            useful=allowed.useful,
             source=allowed.kept,
         )
 

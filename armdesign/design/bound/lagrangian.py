@@ -37,7 +37,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, congruent
-from armdesign.design.bound.branching import Cover, Maximum, maximum, part_of
+from armdesign.design.bound.branching import Cover, Maximum, first_look, nearer, part_of
 from armdesign.design.bound.columns import (
     Columns,
     JointDrive,
@@ -59,14 +59,14 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.search.semidefinite import PENALTY, ProgrammeStep, positive_part, programme
 from armdesign.frequency.modes import inverse_cholesky
 
-ROWS, COLUMNS = 36, 72  # of every programme, so that it is set up once
+ROWS, COLUMNS = 24, 48  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
 NEGLIGIBLE = 1e-5  # of the weight of all rows
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
 CELLS, DRAWN_CELLS = 20_000, 6_000  # branched per cylinder; steps of a drawing hold cells up
-COVER = 500  # cells with which the next branching of a cylinder begins, at most
+COVER = 800  # cells with which the next branching of a cylinder begins, at most
 TRIED = 50  # known designs of a cylinder, the best, that branching begins with
 
 
@@ -219,11 +219,8 @@ class LagrangianDual:
         Shares ≥ 0 sum to one for each drive.
         """
         count, nd, (budget, today) = len(self.columns), len(self.drives), self.budget
-        slopes, whole, oil = (
-            np.zeros((COLUMNS, *base.shape)),
-            np.zeros((nd, COLUMNS)),
-            np.zeros((2, COLUMNS)),
-        )
+        shapes = (COLUMNS, *base.shape), (nd, COLUMNS), (2, COLUMNS)
+        slopes, whole, oil = (np.zeros(shape) for shape in shapes)
         slopes[:count] = self._matrices(inverse, self.rows)
         whole[self.columns.drive, np.arange(count)] = 1.0
         oil[:, :count] = -(self.columns.oil / today).T
@@ -428,20 +425,25 @@ class LagrangianDual:
         """The most that each term can be, all together to within a tolerance."""
         return [self.maximum(multipliers, k, tolerance) for k in range(len(self.drives))]
 
-    def maximum(self, multipliers: Multipliers, k: int, tolerance: float) -> Maximum:
+    def maximum(
+        self, multipliers: Multipliers, k: int, tolerance: float, begun: Maximum | None = None
+    ) -> Maximum:
         """The most that the term of drive ``k`` can be, to within its part of a tolerance.
 
-        Of the tolerance a drive has the more, the more cells it took: their number is about the
-        inverse of its part, so that parts as the roots of the numbers take least.
+        From what has been ``begun`` at these multipliers, if anything. Of the tolerance a drive
+        has the more, the more cells it took: their number is about the inverse of its part, so
+        that parts as the roots of the numbers take least.
         """
-        term, known = self._term(multipliers, k), joined(self.columns, self.pool)
-        known = known[known.drive == k]
-        best = np.argsort(-self.values(known, multipliers))[:TRIED]
-        share = np.sqrt(self.efforts)
-        tolerance = tolerance * float(share[k] / share.sum())
+        term, share = self._term(multipliers, k), np.sqrt(self.efforts)
+        tolerance *= float(share[k] / share.sum())
         cells = CELLS if term.limits.drawn is None else DRAWN_CELLS
-        most = maximum(term, tolerance, cells, known.place[best], self.covers[k])
+        if begun is None:
+            known = joined(self.columns, self.pool)
+            known = known[known.drive == k]
+            best = np.argsort(-self.values(known, multipliers))[:TRIED]
+            begun = first_look(term, known.place[best], self.covers[k])
+        most = nearer(term, begun, tolerance, cells)
         self.efforts[k] = most.cells
-        if len(most.leaves[0]) <= COVER:
-            self.covers[k] = most.leaves
+        if len(most.leaves.bound) <= COVER:
+            self.covers[k] = most.cover
         return most

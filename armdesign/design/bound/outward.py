@@ -31,7 +31,7 @@ from armdesign.arrays import Array
 from armdesign.design.bound.branching import Maximum, halves
 from armdesign.design.bound.cylinder_shape import Enclosure, Natural
 from armdesign.design.bound.cylinder_spring import CylinderSpring
-from armdesign.design.bound.cylinder_term import CylinderTerm
+from armdesign.design.bound.cylinder_term import Cells, CylinderTerm
 from armdesign.design.bound.intervals import Interval, Outward, interval
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.search.semidefinite import exactly, positive_product, rounded_up
@@ -95,11 +95,10 @@ def lost(weight: Array, mass: Array, slope: Array) -> tuple[Fraction, Fraction]:
 def most_of(term: CylinderTerm, most: Maximum) -> float:
     """The most that a term is over the leaves of a maximum, rounded outward."""
     stated = most.upper + ABOVE * max(1.0, abs(most.upper))
-    low, high = most.leaves
-    known = -math.inf
+    cells, known = most.leaves, -math.inf
     for step in range(HALVINGS):
-        starts = range(0, len(low), TOGETHER)
-        parts = [_upper(term, low[k : k + TOGETHER], high[k : k + TOGETHER]) for k in starts]
+        starts = range(0, len(cells.bound), TOGETHER)
+        parts = [_upper(term, cells[k : k + TOGETHER]) for k in starts]
         upper = np.concatenate([part[1] for part in parts]) if parts else np.empty(0)
         above = upper > stated
         last = step == HALVINGS - 1
@@ -108,15 +107,16 @@ def most_of(term: CylinderTerm, most: Maximum) -> float:
             break
         kept = np.concatenate([part[0] + k for k, part in zip(starts, parts, strict=True)])
         worse = kept[above]
-        low, high = halves(term.upper(low[worse], high[worse]))
+        cells = term.upper(*halves(term.upper(cells.low[worse], cells.high[worse])))
     return known
 
 
-def _upper(term: CylinderTerm, low: Array, high: Array) -> tuple[Array, Array]:
+def _upper(term: CylinderTerm, cells: Cells) -> tuple[Array, Array]:
     """Cells that may hold an allowed design, and an upper bound on the term over each."""
-    allowed = term.limits.allowed(low, high)
+    limits = term.limits.at(np.flatnonzero(cells.useful.any(axis=0)))
+    allowed = limits.allowed(cells.low, cells.high)
     kept, vertices = allowed.kept, allowed.volume
-    low, high = low[kept, :2], high[kept, :2]
+    low, high = cells.low[kept, :2], cells.high[kept, :2]
     nearest = term.shape.enclose(low, high)
     e = _enclosed(term, low, high)
     # scales and volumes are solved for in floats

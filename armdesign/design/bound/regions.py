@@ -32,8 +32,9 @@ CLOSE = 3e-3  # of ω², between bound and mixtures, where rounds end
 NEARER = 0.5  # of a mixture's gain over the design at hand, where cutting pays more than rounds
 # tolerances of branching, of ω²: at first, and where a bound may then be low enough
 VAGUE, COARSE, FINE = 0.02, 0.01, 1e-3
+VAGUE_OF_REST = 0.25  # the first too, of what a region's bound exceeds its mixtures by
 # of frequency, over the design at hand: where cutting ends; for each cylinder, where rounds end
-ENOUGH, PLENTY = 0.0275, 0.0033
+ENOUGH, PLENTY = 0.024, 0.0033
 SLICE = 0.1  # of a region, the least that a cut leaves on either side
 MIXED = 1e-3  # share of a mixture that counts
 TINY = 1e-12
@@ -99,7 +100,8 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
 
     Where it is ``enough`` they end too, if less than half of its gap can still be closed. Where
     even mixtures exceed that, cutting does more than rounds and finer branching. Branching is
-    vague at first, and ends there where what designs reach rules out that the bound is lowered.
+    vague at first, and ends there where what designs reach rules out that the bound is lowered, or
+    where it is low enough and nothing else is plenty.
     """
     dual = region.dual
     for _ in range(AIRY if dual.problem.machine.fluid.air > 0 else rounds):
@@ -108,23 +110,35 @@ def _refined(region: Region, rounds: int, plenty: float, enough: float) -> Regio
         except InfeasibleError:  # the solver gave up: what is known so far still holds
             break
         mixed = multipliers.mixed
+        gain = mixed - min(dual.reached, enough)
         known = plenty if mixed < plenty else region.bound
         left = 0.1 * max(known - mixed, mixed - enough)  # to rounds, or to cuts
         tolerance = float(np.clip(left, FINE, COARSE))
-        maxima = tuple(dual.maxima(multipliers, VAGUE))
-        reached = [replace(most, upper=most.value) for most in maxima]
-        if dual.bound(multipliers, reached) < known:
-            maxima = tuple(dual.maxima(multipliers, tolerance))
+        far = VAGUE_OF_REST * (region.bound - mixed) if math.isfinite(region.bound) else 0.0
+        maxima = tuple(dual.maxima(multipliers, max(VAGUE, far)))
+        decided = plenty == enough and dual.bound(multipliers, maxima) <= enough
+        possible = dual.bound(multipliers, _reached(maxima))
+        last = possible - mixed < max(CLOSE, NEARER * gain)
+        if possible < (region.bound if last else known) and not decided:
+            maxima = tuple(
+                dual.maximum(multipliers, k, tolerance, begun) for k, begun in enumerate(maxima)
+            )
         region = replace(region, multipliers=multipliers, maxima=maxima)
         region = region.improved(dual, multipliers, maxima)
         bound = region.bound
-        gain = mixed - min(dual.reached, enough)
         close = max(CLOSE, (1.0 if bound <= enough else NEARER) * gain)
         found = all(math.isfinite(most.value) for most in maxima)
-        if bound <= plenty or bound - mixed < close or not found:
+        # branching may find more in other rounds, where a bound that is low enough counts alone
+        least = bound if plenty == enough else dual.bound(multipliers, _reached(maxima))
+        if bound <= plenty or least - mixed < close or not found:
             break
         dual.learn(multipliers, maxima)
     return region
+
+
+def _reached(maxima: Sequence[Maximum]) -> list[Maximum]:
+    """Maxima that are no more than what designs reach."""
+    return [replace(most, upper=most.value) for most in maxima]
 
 
 def _cut(region: Region) -> tuple[int, int, float] | None:

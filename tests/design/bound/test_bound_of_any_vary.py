@@ -16,7 +16,7 @@ import armdesign as ad
 from armdesign import Machine, Requirements, Workspace
 from armdesign.design import design as optimum
 from armdesign.design.bound import lagrangian, regions
-from armdesign.design.bound.branching import maximum
+from armdesign.design.bound.branching import first_look, nearer
 from armdesign.design.bound.certificate import Certificate, certificate_of
 from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.lagrangian import LagrangianDual
@@ -186,7 +186,8 @@ def test_what_is_not_a_number_is_not_known() -> None:
         problem, joint_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
     share = dual.terms(dual.multipliers())[0]
-    assert maximum(replace(share, price=np.full(2, np.nan)), 0.02, 500).upper == math.inf
+    unknown = replace(share, price=np.full(2, np.nan))
+    assert nearer(unknown, first_look(unknown), 0.02, 500).upper == math.inf
 
 
 def test_no_share_at_all_is_no_proof() -> None:
@@ -198,7 +199,8 @@ def test_no_share_at_all_is_no_proof() -> None:
         problem, joint_drives(problem), problem.vector.start, np.arange(len(problem.dynamics.rows))
     )
     multipliers = dual.multipliers()
-    some = maximum(dual.terms(multipliers)[0], 0.1, 200)
+    term = dual.terms(multipliers)[0]
+    some = nearer(term, first_look(term), 0.1, 200)
     for wrong in (-math.inf, math.nan):
         assert dual.bound(multipliers, [replace(some, upper=wrong), some]) == math.inf
 

@@ -13,7 +13,7 @@ import pytest
 import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.bound import certificate
-from armdesign.design.bound.branching import maximum
+from armdesign.design.bound.branching import first_look, nearer
 from armdesign.design.bound.certificate import certificate_of
 from armdesign.design.bound.columns import joint_drives
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
@@ -270,7 +270,7 @@ def test_tighter_requirements_never_raise_a_share(change: dict[str, float]) -> N
             name: getattr(drive.shape, name) for name in ("low", "high", "scale", "pin_boxes")
         }
         narrow = replace(share, limits=drive.limits, shape=replace(share.shape, **region))
-        tight, loose = (maximum(s, REACHED, 50_000) for s in (narrow, share))
+        tight, loose = (nearer(s, first_look(s), REACHED, 50_000) for s in (narrow, share))
         assert loose.upper - loose.value <= REACHED
         assert tight.upper <= loose.upper + REACHED
 

@@ -123,8 +123,8 @@ def test_of_several_poses_of_a_place_the_easiest_counts() -> None:
 
 
 def test_loads_that_are_left_out_ask_for_less() -> None:
-    """At any rates between the ends given, those that are useful ask for as much as all do: ten
-    places, some of two poses, that push and pull.
+    """At any rates between the ends given, those that may be the greatest ask for as much as all
+    do, in each box with its own and in all with all of them: ten places, some of two poses.
     """
     random = np.random.default_rng(0)
     place = np.repeat(np.arange(10), 1 + np.arange(10) % 2)
@@ -134,12 +134,14 @@ def test_loads_that_are_left_out_ask_for_less() -> None:
         loads = Loads(angle=np.arange(n), held=held, place=place)
         low = random.uniform(1, 4, (3, n))
         ends = Interval(low, low * random.uniform(1, 1.3, (3, n)))
-        useful, kept = loads.useful(ends)
+        greatest = loads.greatest(ends)
         rates = random.uniform(ends.low, ends.high)
-        np.testing.assert_array_equal(useful.most(rates[:, kept]), loads.most(rates))
-        np.testing.assert_array_equal(useful.angle, loads.angle[kept])
-        left_out += n - len(kept)
-    assert left_out > 50
+        for box, few in [*enumerate(greatest), (slice(None), greatest.any(axis=0))]:
+            kept, own = np.flatnonzero(few), np.atleast_2d(rates[box])
+            np.testing.assert_array_equal(loads[kept].most(own[:, kept]), loads.most(own))
+            np.testing.assert_array_equal(loads[kept].angle, loads.angle[kept])
+            left_out += n - len(kept)
+    assert left_out > 200
 
 
 @pytest.mark.parametrize("kind", KEPT)
@@ -159,6 +161,28 @@ def test_angles_that_are_left_out_ask_for_less(kind: str, monkeypatch: pytest.Mo
         assert len(ours.kept) > 20
         np.testing.assert_array_equal(ours.kept, all_angles.kept)
         np.testing.assert_allclose(ours.volume, all_angles.volume, rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KEPT)
+def test_angles_that_do_not_count_in_a_box_change_nothing_in_it(kind: str) -> None:
+    """With a box's own angles the same designs in it are allowed, with the same volumes."""
+    settings, _ = KEPT[kind]
+    problem = lifting() if kind == "lifts" else problem_of("double", **settings)
+    limits = cylinder_constraints(problem, 0)
+    assert limits is not None
+    low, high = limits.shape.cut((60, 60, 4))
+    boxes, random, looked, angles = limits.allowed(low, high), np.random.default_rng(0), 0, []
+    for k in random.permutation(len(boxes.kept))[:100]:
+        box, useful = boxes.kept[k], boxes.useful[k]
+        few = limits.at(np.flatnonzero(useful))
+        places = random.uniform(low[box], high[box], (200, 3))
+        ours, all_angles = few.allowed(places, places), limits.allowed(places, places)
+        np.testing.assert_array_equal(ours.kept, all_angles.kept)
+        np.testing.assert_allclose(ours.volume, all_angles.volume, rtol=1e-12)
+        looked += len(ours.kept)
+        angles.append(useful.sum())
+    assert looked > 200
+    assert np.mean(angles) < 0.5 * (len(limits.shape.constant) - 2)
 
 
 def near_bound(search: Search, gap: float) -> Certificate:
