@@ -24,7 +24,7 @@ from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.margins import Room, exceeds, invert, largest_norm
-from armdesign.simulation.plant.compiled import borrowing
+from armdesign.simulation.plant.compiled import borrowing, within
 
 HALF = math.sqrt(0.5)  # −3 dB
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
@@ -208,7 +208,7 @@ class LoopRoom(NamedTuple):
         return cls(opened, S_c, closed, S, Room.of(nc), Room.of(nq))
 
 
-@borrowing
+@within
 def close_loops(loops: LoopArguments, pose: int, f: int, room: LoopRoom) -> None:
     """Close the loops of a pose at its frequency f."""
     opened, S_c, closed, S = room.opened, room.S_c, room.closed, room.S
@@ -233,7 +233,7 @@ def close_loops(loops: LoopArguments, pose: int, f: int, room: LoopRoom) -> None
             S[i, j] = (1.0 if i == j else 0.0) - closed[i, j] * K[j]
 
 
-@borrowing
+@within
 def crossing(omega: Array, f: int, last: float, size: float) -> float:
     """Frequency at which a response falls to −3 dB [rad/s], of frequencies omega (f,).
 
@@ -246,7 +246,7 @@ def crossing(omega: Array, f: int, last: float, size: float) -> float:
     return float(omega[f - 1] * (omega[f] / omega[f - 1]) ** share)
 
 
-@borrowing
+@within
 def halve(room: LoopRoom) -> None:
     """Make ½(S − T) = S − ½ of S at both openings."""
     for i in range(len(room.S_c)):
@@ -313,7 +313,7 @@ def _write_figures(
                     widths[i] = omega[pose, count - 1]
 
 
-@borrowing
+@within
 def _keep(matrix: Array, matrices: Array, f: int) -> None:
     """Write a matrix (m, m) among those of all frequencies (f, m, m)."""
     for i in range(len(matrix)):
@@ -321,7 +321,7 @@ def _keep(matrix: Array, matrices: Array, f: int) -> None:
             matrices[f, i, j] = matrix[i, j]
 
 
-@borrowing
+@within
 def _cross(omega: Array, f: int, size: float, last: Array, widths: Array, i: int) -> None:
     """Write where the response of loop i, of this size at frequency f, falls below −3 dB first."""
     if widths[i] == 0.0 and size < HALF:

@@ -20,7 +20,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.simulation.plant.compiled import borrowing
+from armdesign.simulation.plant.compiled import within
 from armdesign.units import deg
 
 SWEEPS = 4  # of the balancing
@@ -77,7 +77,7 @@ class Room(NamedTuple):
         return cls(np.empty((m, m), complex), np.empty((m, m), complex), np.empty((m + 2, m)))
 
 
-@borrowing
+@within
 def balanced_norm(matrix: Array, floor: float, room: Room) -> float:
     """μ(X) of one matrix, or ``floor`` where that is larger."""
     if not exceeds(matrix, floor, room):
@@ -94,7 +94,7 @@ def balanced_norm(matrix: Array, floor: float, room: Room) -> float:
     return math.sqrt(high)
 
 
-@borrowing
+@within
 def largest_norm(matrices: Array, room: Room) -> float:
     """The largest μ(X) of matrices (f, m, m)."""
     worst, most = 0, 0.0
@@ -108,7 +108,7 @@ def largest_norm(matrices: Array, room: Room) -> float:
     return norm
 
 
-@borrowing
+@within
 def exceeds(matrix: Array, limit: float, room: Room) -> bool:
     """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in the room."""
     if _squares(matrix) <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
@@ -116,7 +116,7 @@ def exceeds(matrix: Array, limit: float, room: Room) -> bool:
     return log_room(matrix, limit, room) == -math.inf
 
 
-@borrowing
+@within
 def log_room(matrix: Array, limit: float, room: Room) -> float:
     """How far μ(X) is below a limit: log det(I − Y Yᴴ/limit²) of the balanced Y; −∞ if above.
 
@@ -146,7 +146,7 @@ def log_room(matrix: Array, limit: float, room: Room) -> float:
     return _log_pivots(room, limit * limit)
 
 
-@borrowing
+@within
 def _squares(matrix: Array) -> float:
     """The squared Frobenius norm."""
     total = 0.0
@@ -156,7 +156,7 @@ def _squares(matrix: Array) -> float:
     return total
 
 
-@borrowing
+@within
 def _log_pivots(room: Room, limit: float) -> float:
     """Logarithm of det(I − X/limit), X Hermitian in a room; −∞ where that is not positive."""
     square, lower, product = room.square, room.lower, 1.0
@@ -175,13 +175,13 @@ def _log_pivots(room: Room, limit: float) -> float:
     return math.log(product)
 
 
-@borrowing
+@within
 def size(number: complex) -> float:
     """|Re| + |Im|, which is fast."""
     return abs(number.real) + abs(number.imag)
 
 
-@borrowing
+@within
 def invert(matrix: Array, inverse: Array) -> None:
     """Write the inverse of a small complex matrix (m, m), which is spoilt; by Gauss and Jordan."""
     m = len(matrix)

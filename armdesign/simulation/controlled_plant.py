@@ -137,9 +137,10 @@ class ControlledPlant:
             self._kernels[name] = resolved(kernel, *arguments)
         return self._kernels[name](*arguments)
 
-    def _cases(self, count: int) -> Cases:
-        """Everything that compiled functions need, with room for ``count`` cases."""
-        plant, sweeps, n = self.plant, self.sweeps, (count, self.plant.nc)
+    @cached_property
+    def _cases(self) -> Cases:
+        """Everything that compiled functions need."""
+        plant, sweeps, n = self.plant, self.sweeps, self.gains.shape
         return Cases(
             equations=(plant.parameters, plant.layout, plant.scratch),
             gains=self.gains,
@@ -147,22 +148,19 @@ class ControlledPlant:
             corners=self.corners,
             sweeps=new_records(0, SWEEP) if sweeps is None else sweeps,
             commands=np.empty(n),
-            outputs=(np.empty(n, OUTPUT), np.empty((count, 3)), np.empty(count)),
+            outputs=(np.empty(n, OUTPUT), np.empty((n[0], 3)), np.empty(n[0])),
         )
-
-    @cached_property
-    def _all_cases(self) -> Cases:
-        """As ``_cases``, of all cases."""
-        return self._cases(len(self.start))
 
     def commands_at(self, time: Array, states: Array) -> Array:
         """Spool commands (m, nc) of one case at its instants (m,) [s] and states there.
 
         They are the demands, with the loop's correction of the opening.
         """
-        demands, cases = self._demands(time, self.demands * len(time)), self._cases(len(time))
-        self._run(_correct, demands, np.ascontiguousarray(states), cases)
-        return cases.commands
+        demands = self._demands(time, self.demands * len(time))
+        commands, actuators = np.empty_like(demands), self.plant.parameters.actuators
+        states = np.ascontiguousarray(states)
+        self._run(_correct, demands, states, actuators, self.gains, commands)
+        return commands
 
     def _demands(self, time: Array, demands: Sequence[Command]) -> Array:
         """Spool commands (n, nc) at times (n,) [s], one of each function."""
@@ -183,10 +181,13 @@ class ControlledPlant:
         state = np.ascontiguousarray(state, dtype=float)
         if state.shape != self.start.shape:
             raise ValueError(f"states {state.shape}: not {self.start.shape}")
-        rates = np.empty_like(state)
+        cases, actuators = self._cases, self.plant.parameters.actuators
+        instant = PlantInstant(np.empty_like(state), *cases.outputs)
         demands = self._demands(time, self.demands)
-        self._run(_write_rates, state, demands, self._all_cases, rates)
-        return rates
+        self._run(_correct, demands, state, actuators, self.gains, cases.commands)
+        self._run(evaluate_cases, state, cases.commands, *cases.equations, instant)
+        self._run(_follow, state, self.gains, self.places, self.corners, instant)
+        return instant.rates
 
     def take_steps(self, most: int, steps: Steps) -> tuple[int, int]:
         """Take steps, at most so many, until a case has halted: how many, and cases halted.
@@ -199,7 +200,7 @@ class ControlledPlant:
             most = 1
         else:
             demands = np.zeros((6, len(self.start), self.plant.nc))
-        taken, halted = self._run(_take_steps, most, steps, demands, self._all_cases)
+        taken, halted = self._run(_take_steps, most, steps, demands, self._cases)
         return taken, halted
 
     def energies(self, states: Array) -> Array:
@@ -290,22 +291,23 @@ def _take_steps(most: int, steps: Steps, demands: Array, cases: Cases) -> tuple[
     return most, 0
 
 
-@borrowing
+@within
 def _write_rates(state: Array, demand: Array, cases: Cases, rates: Array) -> None:
     """Write the rates of all cases at states (n, size), under demands (n, nc)."""
     outputs, powers, springs = cases.outputs
     parameters, layout, scratch = cases.equations
-    _correct(demand, state, cases)
+    _correct(demand, state, parameters.actuators, cases.gains, cases.commands)
     instant = PlantInstant(rates, outputs, powers, springs)
     evaluate_cases(state, cases.commands, parameters, layout, scratch, instant)
-    _follow(state, cases, rates)
+    _follow(state, cases.gains, cases.places, cases.corners, instant)
 
 
 @borrowing
-def _correct(demand: Array, state: Array, cases: Cases) -> None:
+def _correct(
+    demand: Array, state: Array, actuators: Records, gains: Array, corrected: Array
+) -> None:
     """Write spool positions that open a valve by what the loop adds, with any number of states."""
     n, nc = demand.shape
-    actuators, gains, corrected = cases.equations[0].actuators, cases.gains, cases.commands
     for case in range(n):
         m, row = case if len(actuators) > 1 else 0, case if len(gains) > 1 else 0
         for i in range(nc):
@@ -316,12 +318,13 @@ def _correct(demand: Array, state: Array, cases: Cases) -> None:
                 corrected[case, i] = spool_position(actuators[m, i], share)
 
 
-@within
-def _follow(state: Array, cases: Cases, rates: Array) -> None:
+@borrowing
+def _follow(
+    state: Array, gains: Array, places: Array, corners: Array, instant: PlantInstant
+) -> None:
     """Write the rates of both low-passes and of the energies."""
-    n, nc = cases.gains.shape
-    gains, places, corners = cases.gains, cases.places, cases.corners
-    outputs, powers, _ = cases.outputs
+    n, nc = gains.shape
+    rates, outputs = instant.rates, instant.outputs
     second = state.shape[1] - nc - 3
     first = second - nc
     for case in range(n):
@@ -331,4 +334,4 @@ def _follow(state: Array, cases: Cases, rates: Array) -> None:
             rates[case, first + i] = corners[case, 0] * (error - once)
             rates[case, second + i] = corners[case, 0] * (once - state[case, second + i])
         for k in range(3):
-            rates[case, second + nc + k] = powers[case, k] / ENERGY
+            rates[case, second + nc + k] = instant.powers[case, k] / ENERGY

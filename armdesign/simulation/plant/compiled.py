@@ -25,7 +25,8 @@ from typing import Any, TypeAlias, TypeVar, cast
 import numba
 import numpy as np
 from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 from numpy.typing import NDArray
@@ -61,10 +62,11 @@ def callable_within(function: F) -> F:
 def within(function: F) -> F:
     """The function as it is, for calls by functions that are ``borrowing``, and as frugal.
 
-    Compiled for them alone, once for all numbers of a type, it saves what calls from Python need.
+    It becomes machine code as part of them alone.
     """
-    options = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return register_jitable(error_model="numpy", **options)(function)
+    wrappers = {"no_cfunc_wrapper": True, "no_cpython_wrapper": False}  # see ``_Inner``
+    frugal = {"error_model": "numpy", "_nrt": False, "pipeline_class": _Inner}
+    return register_jitable(**frugal, **wrappers)(function)
 
 
 def borrowing(function: F) -> F:
@@ -127,6 +129,44 @@ def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Recor
         fault = "simulations need numba's compiler, which it switches off"
         raise SimulationError("NUMBA_DISABLE_JIT", fault, "unset it")
     return cast(Records, np.zeros(shape, dtype))
+
+
+class _Inner(Compiler):
+    """Compiles what only compiled functions call.
+
+    numba compiles a called function once for each set of options of its callers, so all have the
+    same ones; that this one is not called from Python is said here instead.
+    """
+
+    def define_pipelines(self) -> Any:
+        """The pipelines as ever, of a function whose code is only linked."""
+        self.state.flags.no_cpython_wrapper = True
+        linked, name = cast(Any, _Linked), self.state.func_id.func_qualname
+        self.state.library = linked(self.state.targetctx.codegen(), name)
+        return cast(Any, super()).define_pipelines()
+
+
+class _Linked(JITCodeLibrary):
+    """Code that its callers link to their own: they optimise it and make machine code of it.
+
+    Else LLVM does both for each function with all that it calls, for those at the bottom five
+    times.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        cast(Any, self)._finalize_dynamic_globals()
+        self._finalized = True
+
+    @property
+    def codegen(self) -> _Linked:
+        """Where numba sets the surroundings of machine code, of which there is none."""
+        return self
+
+    def set_env(self, name: str, surroundings: object) -> None:
+        """Nothing is set."""
 
 
 class _Kept(NullCache):

@@ -5,6 +5,7 @@ write.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import pickle
 import subprocess
@@ -14,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 import pytest
 
 from armdesign import user_folders as folders
+from armdesign.arrays import Array
 from armdesign.simulation.plant import compiled as door
 
 ROOT = os.geteuid() == 0
@@ -52,6 +55,31 @@ def files(folder: Path) -> list[Path]:
 
 def test_what_was_compiled_is_found_again(kept: Path) -> None:
     assert [called(), called(), called()] == [False, True, True]
+    assert len(files(kept)) == 1
+
+
+@door.within
+def root(x: float) -> float:
+    if x < 0:
+        raise ValueError("negative")
+    return math.sqrt(x)
+
+
+def sum_of_roots(values: Array) -> float:
+    total = 0.0
+    for i in range(len(values)):
+        total += root(values[i])
+    return total
+
+
+def test_a_function_within_is_kept_with_its_caller(kept: Path) -> None:
+    """It is called, and raises, in code of its caller: of this process and of a later one."""
+    for found in (False, True):
+        function: Any = door.borrowing(sum_of_roots)
+        assert function(np.array([4.0, 9.0])) == 5.0
+        with pytest.raises(ValueError, match="negative"):
+            function(np.array([4.0, -9.0]))
+        assert bool(function.stats.cache_hits) == found
     assert len(files(kept)) == 1
 
 
