@@ -96,8 +96,8 @@ def map_command(run: OverWorkspace) -> None:
         frequencies = frequency_map(model, workspace)
         sheets = map_sheets(frequencies, run.units.units)
     with run.writing(out) as folder:
-        write_csv(frequencies.frame, folder / "map.csv")
-        write_csv(frequencies.stiffness, folder / "stiffness.csv")
+        write_csv(frequencies.columns, folder / "map.csv")
+        write_csv(frequencies.stiffness_columns, folder / "stiffness.csv")
         output.write_heatmaps(frequencies, folder)
         output.write_lift_charts(lift_charts({plots.title_of(model): model}), folder)
         plots.save(plots.moment_arm_curves({model.name: model}), folder / "moment_arms.png")

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
 
+    from armdesign.arrays import Array
     from armdesign.calibration.calibrate import Calibration
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
@@ -39,34 +40,46 @@ kept: list[Path] = []  # journals with which the same command goes on
 changed: list[Path] = []  # files that this process has written
 
 
-def write_csv(frame: pd.DataFrame, path: Path) -> None:
-    """Write a frame as CSV with nine digits, and no text in it that a spreadsheet would run.
+def write_csv(table: pd.DataFrame | Mapping[str, Array], path: Path) -> None:
+    """Write a frame or columns as CSV with nine digits, without text that a spreadsheet would run.
 
     To the letter what ``DataFrame.to_csv`` writes, in a fraction of its time.
     """
-    parts = (frame.iloc[:, k] for k in range(frame.shape[1]))
-    columns = [[_as_written(part.name), *_cells(part)] for part in parts]
-    if len(columns) == 1:  # an empty line would be none
-        columns = [[cell or '""' for cell in columns[0]]]
-    lines = map(",".join, zip(*columns, strict=True))
+    import numpy as np
+
+    from armdesign.arrays import chunks
+
+    names, columns = zip(*table.items(), strict=True)
+    formats, parts = zip(*map(_cells, columns), strict=True)
+    if len(parts) == 1:  # an empty line would be none
+        formats, parts = ("%s",), ([formats[0] % cell or '""' for cell in parts[0]],)
+    line = ",".join(formats) + os.linesep
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(os.linesep.join([*lines, ""]))
+        file.write(",".join(map(_as_written, names)) + os.linesep)
+        for rows in chunks(len(parts[0])):
+            cells = np.empty((len(parts[0][rows]), len(parts)), dtype=object)
+            for k, part in enumerate(parts):
+                cells[:, k] = part[rows]
+            file.write(line * len(cells) % tuple(cells.ravel()))
 
 
-def _cells(column: pd.Series[Any]) -> list[str]:
-    """Cells of a column as CSV has them, empty where there is none."""
-    values = column.tolist()
-    if column.dtype.kind == "f":
-        cells = (f"%.{DIGITS}g\n" * len(values) % tuple(values)).split("\n")[:-1]
+def _cells(column: pd.Series[Any] | Array) -> tuple[str, Array | list[str]]:
+    """The format of a column's cells, and these: texts, empty where there is none, or numbers."""
+    values, numbers = column.tolist(), column.dtype.kind == "f"
+    missing = column.isna().to_numpy() if hasattr(column, "isna") else column != column
+    if numbers and not missing.any():
+        return f"%.{DIGITS}g", column.to_numpy() if hasattr(column, "to_numpy") else column
+    if numbers:
+        cells = [f"{value:.{DIGITS}g}" for value in values]
     elif column.dtype.kind in "iub":
         cells = list(map(str, values))
     else:
         words = {value for value in values if isinstance(value, str)}
         texts = {word: _as_written(word) for word in words}
         cells = [texts[v] if isinstance(v, str) else _as_written(v) for v in values]
-    for place in column.isna().to_numpy().nonzero()[0]:
+    for place in missing.nonzero()[0]:
         cells[place] = ""
-    return cells
+    return "%s", cells
 
 
 def _as_written(cell: Any) -> str:
@@ -92,7 +105,8 @@ def write_lift_charts(charts: Mapping[str, LiftChart], folder: Path) -> Path | N
 
     if not charts:
         return None
-    write_csv(lift_frame(charts), folder / "lift_chart.csv")
+    first, *others = charts.values()
+    write_csv(lift_frame(charts) if others else first.columns, folder / "lift_chart.csv")
     return plots.save(plots.lift_charts(charts), folder / "lift_chart.png")
 
 
@@ -102,8 +116,8 @@ def write_design(design: Design, folder: Path) -> list[tuple[str, Path]]:
     from armdesign.report.lift_charts import lift_charts
 
     write_machine(design, folder)
-    write_csv(design.before.frame, folder / "map_before.csv")
-    write_csv(design.after.frame, folder / "map_after.csv")
+    write_csv(design.before.columns, folder / "map_before.csv")
+    write_csv(design.after.columns, folder / "map_after.csv")
     over_joints = "Lowest natural frequency over two joints"
     if len(plots.drawn_joints(design.today)) == 1:
         over_joints = "Natural frequencies over the joint"

@@ -59,7 +59,7 @@ def _is_default(field: Field[Any], value: Any) -> bool:
 
 def _in_words(value: Any, depth: int) -> str:
     """One value in a few words; parts of parts by their names only."""
-    if hasattr(value, "columns"):
+    if hasattr(value, "columns") and hasattr(value, "shape"):
         return f"{len(value)} rows x {len(value.columns)} columns"
     if hasattr(value, "shape") and value.shape:
         return _array(value)

@@ -248,6 +248,18 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
     assert run.stdout.splitlines() == ["[]", "[]"], run.stdout
 
 
+def test_a_map_loads_no_library_that_it_does_not_need(tmp_path: Path) -> None:
+    """In a process of its own, with all files that it writes."""
+    others = ["pandas", "cvxpy", "numba", "joblib", "matplotlib.pyplot"]
+    code = (
+        "import sys\nfrom armdesign.cli import app\n"
+        f"app(['map', 'paper_1dof', '-q', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"
+        f"print([name for name in {others} if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines() == ["[]"], run.stdout
+
+
 def test_public_names() -> None:
     """DESIGN's table; every name that is listed is there, and the rest is an AttributeError."""
     import armdesign as ad

@@ -82,6 +82,11 @@ class BandwidthMap(ReadOnly):
     options: ControlOptions
 
     @property
+    def q(self) -> Array:
+        """Joint positions, row by row (n, nq) [rad, m]."""
+        return self.frame[list(self.machine.joints)].to_numpy()
+
+    @property
     def headline(self) -> str:
         """Machine, and its least bandwidth with pressure feedback and without."""
         if not self.frame["works"].any():

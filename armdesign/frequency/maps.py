@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array, ReadOnly, congruent, percentiles, weighted_share
+from armdesign.arrays import Array, Flags, ReadOnly, congruent, percentiles, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
@@ -38,8 +38,8 @@ class FrequencyMap(ReadOnly):
     """Natural frequencies of a machine over a workspace and all its load cases.
 
     Attributes:
-        frame: one row per load case and pose at which it exists; columns: each joint [rad, m],
-            ``payload``, ``tool_x_m`` …, ``f1_hz`` … (coupled), ``locked_<cylinder>_hz``,
+        columns: by name, a value for each load case and pose at which it exists (n,): each joint
+            [rad, m], ``payload``, ``tool_x_m`` …, ``f1_hz`` … (coupled), ``locked_<cylinder>_hz``,
             ``rigid_<cylinder>_hz``, ``<cylinder>_force_n``, ``<cylinder>_extension``; of a motor
             ``<motor>_torque_n_m`` and no extension. Each spring has a coupled frequency more.
         worst: the worst pose, refined off the grid.
@@ -55,7 +55,7 @@ class FrequencyMap(ReadOnly):
 
     __repr__ = short_repr
 
-    frame: pd.DataFrame
+    columns: Mapping[str, Array]
     worst: WorstPose
     worst_of: dict[str, WorstPose]
     limiting: Array
@@ -71,6 +71,32 @@ class FrequencyMap(ReadOnly):
         where = f"{pose}, load case {at.payload}, limited by {at.cylinder}"
         return f"of {self.machine.name}: worst {at.frequency:.4g} Hz at {where}"
 
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """The columns as a frame of pandas, one row per load case and pose at which it exists."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(self.columns))
+
+    @property
+    def q(self) -> Array:
+        """Joint positions, row by row (n, nq) [rad, m]."""
+        return np.stack([self.columns[name] for name in self.machine.joints], axis=1)
+
+    @property
+    def lowest(self) -> Array:
+        """The lowest coupled frequency, row by row (n,) [Hz]."""
+        return self.columns["f1_hz"]
+
+    def rows_of(self, payload: str) -> Flags:
+        """Which rows are those of a load case (n,)."""
+        return np.asarray(self.columns["payload"] == payload)
+
+    def spread(self, payload: str, percents: Sequence[float]) -> Array:
+        """Percentiles [Hz] of a load case, as in ``percentiles``."""
+        rows = self.rows_of(payload)
+        return percentiles(self.lowest[rows], self.weights[rows], percents)
+
     def percentiles(self, percents: Sequence[float] = PERCENTILES) -> pd.DataFrame:
         """Percentiles [Hz] of the lowest coupled frequency: a row per load case and ``all``.
 
@@ -78,12 +104,10 @@ class FrequencyMap(ReadOnly):
         """
         import pandas as pd
 
-        lowest = self.frame["f1_hz"].to_numpy()
-        cases = {name: (self.frame["payload"] == name).to_numpy() for name in self.worst_of}
-        cases["all"] = np.ones(len(lowest), dtype=bool)
-        rows = [percentiles(lowest[of], self.weights[of], percents) for of in cases.values()]
+        rows = {name: self.spread(name, percents) for name in self.worst_of}
+        rows["all"] = percentiles(self.lowest, self.weights, percents)
         heads = [f"{percent:g} %" for percent in percents]
-        return pd.DataFrame(rows, index=list(cases), columns=heads)
+        return pd.DataFrame(rows.values(), index=list(rows), columns=heads)
 
     @property
     def limiting_shares(self) -> pd.Series[float]:
@@ -108,13 +132,13 @@ class FrequencyMap(ReadOnly):
         """
         import pandas as pd
 
-        lowest = self.frame["f1_hz"].to_numpy()
+        lowest = self.lowest
         stable = lowest > 0
         names, heads = [actuator.name for actuator in self.machine.actuators], ("locked", "rigid")
         index = pd.MultiIndex.from_product([names, heads], names=["cylinder", "formula"])
         frame = pd.DataFrame(np.inf, index=index, columns=["least", "median", "greatest"])
         for name, formula in index if stable.any() else ():
-            ratio = self.frame[f"{formula}_{name}_hz"].to_numpy()[stable] / lowest[stable]
+            ratio = self.columns[f"{formula}_{name}_hz"][stable] / lowest[stable]
             spread = percentiles(ratio, self.weights[stable], [0, 50, 100])
             frame.loc[(name, formula), :] = spread
         return frame
@@ -128,17 +152,26 @@ class FrequencyMap(ReadOnly):
         """
         import pandas as pd
 
-        parts = self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True)
-        return pd.DataFrame(parts, columns=STIFFNESS[: parts.shape[1]])
+        return pd.DataFrame(dict(zip(STIFFNESS, self.part_shares.T, strict=False)))
+
+    @property
+    def part_shares(self) -> Array:
+        """The ``stiffness_shares`` as an array (n, 3), or (n, 4) with springs."""
+        return self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True)
+
+    @property
+    def stiffness_columns(self) -> dict[str, Array]:
+        """Pose, load case, ω² of the lowest mode and each part's contribution to it [rad²/s²]."""
+        known = {name: self.columns[name] for name in (*self.machine.joints, "payload", "f1_hz")}
+        parts = dict(zip(STIFFNESS, self.stiffness_parts.T, strict=False))
+        return {**known, "omega_squared": self.stiffness_parts.sum(axis=1), **parts}
 
     @property
     def stiffness(self) -> pd.DataFrame:
-        """Pose, load case, ω² of the lowest mode and each part's contribution to it [rad²/s²]."""
-        frame = self.frame[[*self.machine.joints, "payload", "f1_hz"]].copy()
-        frame["omega_squared"] = self.stiffness_parts.sum(axis=1)
-        for name, values in zip(STIFFNESS, self.stiffness_parts.T, strict=False):
-            frame[name] = values
-        return frame
+        """The ``stiffness_columns`` as a frame of pandas."""
+        import pandas as pd
+
+        return pd.DataFrame(self.stiffness_columns)
 
     @cached_property
     def band(self) -> FrequencyBand:
@@ -163,7 +196,7 @@ class FrequencyMap(ReadOnly):
         """Static pressure of each actuator's loaded chamber (n, nc) [Pa], row by row."""
         pressures = []
         for actuator in self.machine.actuators:
-            force = self.frame[_force_column(actuator)].to_numpy()
+            force = self.columns[_force_column(actuator)]
             pressures.append(np.maximum(*actuator.static_pressures(force, self.machine.supply)))
         return np.stack(pressures, axis=1)
 
@@ -196,10 +229,8 @@ class FrequencyMap(ReadOnly):
             cells: number of cells along the longer side; default 90, fewer where scattered poses
                 would leave gaps.
         """
-        q = self.frame[list(self.machine.joints)].to_numpy()
-        tool = self.frame[["tool_x_m", "tool_y_m", "tool_z_m"]].to_numpy()
-        lowest = self.frame["f1_hz"].to_numpy()
-        points = np.stack([self.machine.arm.reach(q, tool), tool[:, 2], lowest], axis=1)
+        tool = np.stack([self.columns[f"tool_{axis}_m"] for axis in "xyz"], axis=1)
+        points = np.stack([self.machine.arm.reach(self.q, tool), tool[:, 2], self.lowest], axis=1)
         return reach_map(list(load_cases(self.machine, self.workspace)), points, cells)
 
     def plot(self, ax: Axes | None = None, plane: str = "joints", **limits: float) -> Axes:
@@ -242,7 +273,7 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     _refuse_missing(cases)
     ends = np.cumsum([0, *(case.exists.sum() for case in cases)])
     columns = _columns(machine)
-    values = np.empty((len(columns), ends[-1]))  # a row per column: pandas takes it as it is
+    values = np.empty((len(columns), ends[-1]))
     parts = np.empty((3 + bool(machine.springs), ends[-1]))
     limiting = np.empty(ends[-1], dtype=int)
     filled = dict(zip(cases, ends[:-1], strict=True))
@@ -259,9 +290,10 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
         filled[case] = rows.stop
     lowest = np.split(values[columns.index("f1_hz")], ends[1:-1])
     worst = [refined(case, of_case) for case, of_case in zip(cases, lowest, strict=True)]
-    names = np.repeat([case.name for case in cases], np.diff(ends))
+    names = np.array([case.name for case in cases], dtype=object)
+    named = dict(zip(columns, values, strict=True)) | {"payload": np.repeat(names, np.diff(ends))}
     return FrequencyMap(
-        frame=_frame(columns, values, names, len(machine.joints)),
+        columns={name: named[name] for name in (*machine.joints, "payload", *columns)},
         worst=min(worst, key=lambda pose: pose.frequency),
         worst_of={pose.payload: pose for pose in worst},
         limiting=np.array([part.name for part in machine.yielding])[limiting],
@@ -295,7 +327,7 @@ def _modes(case: Machine, poses: Poses) -> Modes:
 
 
 def _columns(machine: Machine) -> list[str]:
-    """Names of the numbers in a map's frame."""
+    """Names of a map's numbers."""
     names = [actuator.name for actuator in machine.actuators]
     return [
         *machine.joints,
@@ -332,11 +364,3 @@ def _stiffness_parts(poses: Poses, modes: Modes) -> Array:
     if poses.spring_stiffness.size:
         parts.append((poses.spring_stiffness * shape[:, nq:, 0] ** 2).sum(axis=1))
     return np.array(parts)
-
-
-def _frame(columns: list[str], values: Array, payloads: Array, nq: int) -> pd.DataFrame:
-    import pandas as pd
-
-    frame = pd.DataFrame(values.T, columns=columns, copy=False)
-    frame.insert(nq, "payload", payloads)
-    return frame

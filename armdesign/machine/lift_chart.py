@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -102,24 +102,24 @@ class LiftChart(ReadOnly):
     limiting: tuple[str, ...]
     q: Array
 
-    @cached_property
-    def frame(self) -> pd.DataFrame:
-        """A row for each point: place [m], capacities [kg], what limits, joints [rad, m].
+    @property
+    def columns(self) -> dict[str, Array]:
+        """Of each point by name: place [m], capacities [kg], what limits, joints [rad, m].
 
         Hydraulic and tipping capacity stand apart where the file has ``[stability]``.
         """
-        import pandas as pd
-
-        columns: dict[str, Any] = {
-            "reach_m": self.reach,
-            "height_m": self.height,
-            "capacity_kg": self.capacity,
-        }
+        columns = {"reach_m": self.reach, "height_m": self.height, "capacity_kg": self.capacity}
         if self.machine.section.stability is not None:
             columns |= {"hydraulic_kg": self.hydraulic, "tipping_kg": self.tipping}
-        columns |= {"limiting": self.limiting}
-        columns |= dict(zip(self.machine.joints, self.q.T, strict=True))
-        return pd.DataFrame(columns)
+        columns |= {"limiting": np.array(self.limiting, dtype=object)}
+        return columns | dict(zip(self.machine.joints, self.q.T, strict=True))
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """The columns as a frame of pandas, a row for each point."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The chart as a picture; returns the axes."""

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.reach_map import ReachMap
     from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
+    from armdesign.mechanism.urdf import Joint
     from armdesign.plots.canvas import Axes, Figure
 
 FREQUENCY = "lowest coupled natural frequency [Hz]"
@@ -66,7 +67,7 @@ def frequency_map(
         _frequency_curves(ax, frequencies)
         ax.set_title("natural frequencies over the joint")
     else:
-        heatmap(ax, *_labelled_plane(ax, frequencies), limits)
+        heatmap(ax, *_labelled_plane(ax, frequencies, frequencies.lowest), limits)
         ax.set_title(f"lowest over {_others(machine)}{_steps(machine)}")
         x, y = (float(joint_values(machine.arm.joints[j], worst.q[j])) for j in drawn)
         mark(ax, x, y, worst.frequency)
@@ -175,21 +176,16 @@ def mark(ax: Axes, x: float, y: float, frequency: float) -> None:
     ax.annotate(words, (x, y), **place, **sides, color=INK, bbox=box, zorder=11)
 
 
-def joint_plane(
-    frequencies: FrequencyMap | BandwidthMap, values: Array | None = None
-) -> tuple[Array, Array, Array]:
+def joint_plane(mapped: FrequencyMap | BandwidthMap, values: Array) -> tuple[Array, Array, Array]:
     """Least value on the grid of the two ``drawn_joints``: positions of both [rad, m], (n1, n2).
 
-    ``values`` is one number for each row of the map's frame; the lowest coupled frequency [Hz] if
-    None.
+    ``values`` is one number for each row of the map.
     """
-    drawn, frame = drawn_joints(frequencies.machine), frequencies.frame
-    axes = [frequencies.workspace.axes[j] for j in drawn]
-    names = [frequencies.machine.joints[j] for j in drawn]
-    pairs = zip(axes, names, strict=True)
-    cells = tuple(nearest(axis, frame[name].to_numpy()) for axis, name in pairs)
+    drawn = drawn_joints(mapped.machine)
+    axes = [mapped.workspace.axes[j] for j in drawn]
+    cells = tuple(nearest(axis, mapped.q[:, j]) for axis, j in zip(axes, drawn, strict=True))
     least = np.full([len(axis) for axis in axes], np.inf)
-    np.minimum.at(least, cells, frame["f1_hz"].to_numpy() if values is None else values)
+    np.minimum.at(least, cells, values)
     return axes[0], axes[1], np.where(np.isinf(least), np.nan, least)
 
 
@@ -199,7 +195,7 @@ def drawn_joints(machine: Machine) -> list[int]:
 
 
 def _labelled_plane(
-    ax: Axes, frequencies: FrequencyMap, values: Array | None = None
+    ax: Axes, frequencies: FrequencyMap, values: Array
 ) -> tuple[Array, Array, Array]:
     """The ``joint_plane`` in the units of the axes, which are labelled."""
     x, y, least = joint_plane(frequencies, values)
@@ -227,30 +223,35 @@ def _frequency_curves(ax: Axes, frequencies: FrequencyMap) -> None:
     (index,) = drawn_joints(frequencies.machine)
     joint, worst, top = frequencies.machine.arm.joints[index], frequencies.worst, 0.0
     colours, cases = actuator_colours(frequencies.machine), list(frequencies.worst_of)
-    for payload, rows in frequencies.frame.groupby("payload", sort=False):
-        rows, case = rows.sort_values(joint.name), cases.index(str(payload))
-        q = joint_values(joint, rows[joint.name].to_numpy())
-        ax.plot(q, rows["f1_hz"], color=LOADS[case % len(LOADS)], label=f"{payload}: coupled")
-        top = max(top, 2.5 * rows["f1_hz"].max())
+    for case, payload in enumerate(cases):
+        q, rows = _along(joint, frequencies, payload)
+        coupled = frequencies.lowest[rows]
+        ax.plot(q, coupled, color=LOADS[case % len(LOADS)], label=f"{payload}: coupled")
+        top = max(top, 2.5 * coupled.max())
         for actuator in frequencies.machine.actuators:
             label = f"{payload}: {actuator.name}, rigid load"
             style: Style = {"color": colours[actuator.name], "lw": 1, "label": label}
             style["ls"] = ("--", ":", "-.")[case % 3]
-            ax.plot(q, rows[f"rigid_{actuator.name}_hz"], **style)
+            ax.plot(q, frequencies.columns[f"rigid_{actuator.name}_hz"][rows], **style)
     ax.set(xlabel=joint_label(joint), ylabel="natural frequency [Hz]", ylim=(0, top))
     ax.legend(frameon=False)
     mark(ax, float(joint_values(joint, worst.q[index])), worst.frequency, worst.frequency)
 
 
+def _along(joint: Joint, frequencies: FrequencyMap, payload: str) -> tuple[Array, Array]:
+    """Positions of a joint in a load case in the unit of its axis, ascending, and their rows."""
+    q, rows = frequencies.columns[joint.name], np.flatnonzero(frequencies.rows_of(payload))
+    rows = rows[np.argsort(q[rows], kind="stable")]
+    return joint_values(joint, q[rows]), rows
+
+
 def _pressure_curves(ax: Axes, frequencies: FrequencyMap, share: Array) -> None:
-    """Static over supply pressure (rows of the frame,) per load case, with one joint."""
+    """Static over supply pressure (n,), row by row, per load case, with one joint."""
     (index,) = drawn_joints(frequencies.machine)
-    joint, frame = frequencies.machine.arm.joints[index], frequencies.frame
-    q, payload = frame[joint.name].to_numpy(), frame["payload"].to_numpy()
+    joint = frequencies.machine.arm.joints[index]
     for case, name in enumerate(frequencies.worst_of):
-        rows = np.flatnonzero(payload == name)
-        rows = rows[np.argsort(q[rows])]
-        ax.plot(joint_values(joint, q[rows]), share[rows], LOADS[case % len(LOADS)], label=name)
+        q, rows = _along(joint, frequencies, name)
+        ax.plot(q, share[rows], LOADS[case % len(LOADS)], label=name)
     ax.axhline(1.0, color=MARK, lw=1, ls="--", label="supply")
     ax.set(xlabel=joint_label(joint), ylabel=PRESSURE, ylim=(0, None))
     ax.set_title("static pressures over the joint")

@@ -34,14 +34,12 @@ def lift_charts(machines: Mapping[str, Machine]) -> dict[str, LiftChart]:
 
 
 def lift_frame(charts: Mapping[str, LiftChart]) -> pd.DataFrame:
-    """A row for each point that any machine reaches, from the highest down.
+    """A row for each point that any of two machines reaches, from the highest down.
 
-    Columns are place [m], capacities [kg], for two machines their ratio, and what limits each.
+    Columns are place [m], capacities [kg], their ratio, and what limits each.
     """
     import pandas as pd
 
-    if len(charts) == 1:
-        return next(iter(charts.values())).frame
     columns: dict[str, pd.Series] = {}
     for kind in ("kg", "limiting"):
         for label, chart in charts.items():

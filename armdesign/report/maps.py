@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from armdesign.arrays import percentiles
+from armdesign.arrays import percentiles, weighted_share
 from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.bands import Bands
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
 
 NOTABLE = 0.005  # change of the worst frequency
+ORIGINS = "oil", "gravity", "moment arms under load", "springs of the structure"
 LOWEST = "lowest of the poses"  # of a workspace alone; the worst is sought between them too
 UNSTABLE = (
     ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
@@ -55,7 +56,7 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
 
 def between_poses(maps: Mapping[str, FrequencyMap]) -> str:
     """Note on the lowest poses of maps by label, where a worst one between them is lower."""
-    both = {name: (one.worst.frequency, one.frame["f1_hz"].min()) for name, one in maps.items()}
+    both = {name: (one.worst.frequency, one.lowest.min()) for name, one in maps.items()}
     if all(f"{worst:.3f}" == f"{lowest:.3f}" for worst, lowest in both.values()):
         return ""
     words = ", ".join(f"{name} {lowest:.3f} Hz".strip() for name, (_, lowest) in both.items())
@@ -113,27 +114,27 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
     """Percentiles of the lowest frequency per load case, of one or more maps."""
     rows = []
     for label, frequencies in maps.items():
-        of_case = frequencies.percentiles([0, 5, 50, 95])
-        for payload, part in frequencies.frame.groupby("payload", sort=False):
-            spread = (f"{value:.3f}" for value in of_case.loc[payload])
-            case = f"{label}, {payload}" if label else str(payload)
-            rows.append((case, f"{len(part)}", *spread))
+        for payload in frequencies.worst_of:
+            spread = (f"{value:.3f}" for value in frequencies.spread(payload, [0, 5, 50, 95]))
+            case, poses = f"{label}, {payload}" if label else payload, frequencies.rows_of(payload)
+            rows.append((case, f"{poses.sum()}", *spread))
     title = "Lowest coupled frequency at the poses of the workspace [Hz]"
     columns = ("payload", "poses", "lowest", "5 %", "50 %", "95 %")
     return Sheet(title=title, columns=columns, rows=tuple(rows))
 
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
-    frame, shares, rows = frequencies.frame, frequencies.limiting_shares, []
+    rows = []
     for cylinder in frequencies.machine.actuators:
         limits, ratios = frequencies.limiting == cylinder.name, []
         for formula in ("locked", "rigid"):
-            ratio = (frame[f"{formula}_{cylinder.name}_hz"] / frame["f1_hz"]).to_numpy()[limits]
+            simpler = frequencies.columns[f"{formula}_{cylinder.name}_hz"]
+            ratio = simpler[limits] / frequencies.lowest[limits]
             median = percentiles(ratio, frequencies.weights[limits], [50]) if limits.any() else ()
             ratios.append("".join(f"{value:.2f}" for value in median) or "–")
-        rows.append((cylinder.name, f"{100 * shares[cylinder.name]:.1f} %", *ratios))
+        rows.append((cylinder.name, _limiting_share(frequencies, cylinder.name), *ratios))
     springs = [spring.name for spring in frequencies.machine.springs]
-    rows += [(name, f"{100 * shares[name]:.1f} %", "–", "–") for name in springs]
+    rows += [(name, _limiting_share(frequencies, name), "–", "–") for name in springs]
     note = "share of poses that the cylinder limits, and medians over them; 1.00 would be exact"
     if springs:
         note += f"; where the spring {' or '.join(springs)} limits, no cylinder can help"
@@ -145,16 +146,16 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
     )
 
 
+def _limiting_share(frequencies: FrequencyMap, name: str) -> str:
+    share = weighted_share(frequencies.limiting == name, frequencies.weights)
+    return f"{100 * share:.1f} %"
+
+
 def _stiffness_sheet(frequencies: FrequencyMap) -> Sheet:
-    stable = frequencies.frame["f1_hz"].to_numpy() > 0
-    shares, weights = frequencies.stiffness_shares[stable], frequencies.weights[stable]
-    origins = {"hydraulic": "oil", "gravity": "gravity", "geometric": "moment arms under load"}
-    origins["springs"] = "springs of the structure"
-    rows = []
-    for part, share in zip(shares.columns, shares.to_numpy().T, strict=True):
-        spread = percentiles(share, weights, (0, 50, 100)) if len(share) else ()
-        cells = map(percent, spread)
-        rows += [(origins[str(part)], *cells)] if len(share) else []
+    stable = frequencies.lowest > 0
+    shares, weights = frequencies.part_shares[stable].T, frequencies.weights[stable]
+    spreads = (percentiles(share, weights, (0, 50, 100)) for share in shares if len(share))
+    rows = ((name, *map(percent, spread)) for name, spread in zip(ORIGINS, spreads, strict=False))
     return Sheet(
         title="Origin of the stiffness of the lowest mode",
         columns=("part", "least", "median", "greatest"),

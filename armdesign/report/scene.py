@@ -26,8 +26,6 @@ from armdesign.report.packed import Packed, packed, rounded, whole
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.frequency.maps import FrequencyMap
     from armdesign.frequency.workspace import Workspace
@@ -133,15 +131,17 @@ class _Mapped:
     Attributes:
         machine: the machine.
         workspace: the poses.
-        frame: joints and ``payload`` of each row; first the worst pose, which is in no cell.
+        q: joint positions of each row (n + 1, nq) [rad, m]; first the worst pose, in no cell.
+        payload: names of their load cases (n + 1,).
         values: that the colours show (n,) [Hz], without the first row.
         weights: what each counts in percentiles (n,).
-        loops: as in ``DrawnMachine``, of each row of the frame (n + 1, 4).
+        loops: as in ``DrawnMachine``, of each row (n + 1, 4).
     """
 
     machine: Machine
     workspace: Workspace
-    frame: pd.DataFrame
+    q: Array
+    payload: Array
     values: Array
     weights: Array
     loops: Array | None = None
@@ -162,16 +162,13 @@ def bandwidth_scene(maps: Mapping[str, BandwidthMap], units: Units = WORKSHOP) -
 
 
 def _of_frequencies(frequencies: FrequencyMap) -> _Mapped:
-    import pandas as pd
-
-    machine, worst = frequencies.machine, frequencies.worst
-    known = frequencies.frame[[*machine.joints, "payload"]]
-    first = {**dict(zip(machine.joints, worst.q, strict=True)), "payload": worst.payload}
+    worst = frequencies.worst
     return _Mapped(
-        machine=machine,
+        machine=frequencies.machine,
         workspace=frequencies.workspace,
-        frame=pd.concat([pd.DataFrame([first]), known], ignore_index=True),
-        values=frequencies.frame["f1_hz"].to_numpy(),
+        q=np.concatenate([worst.q[None], frequencies.q]),
+        payload=np.concatenate([[worst.payload], frequencies.columns["payload"]]),
+        values=frequencies.lowest,
         weights=frequencies.weights,
     )
 
@@ -188,7 +185,8 @@ def _of_bandwidths(bandwidths: BandwidthMap) -> _Mapped:
     return _Mapped(
         machine=bandwidths.machine,
         workspace=bandwidths.workspace,
-        frame=frame,
+        q=frame[list(bandwidths.machine.joints)].to_numpy(dtype=float),
+        payload=frame["payload"].to_numpy(),
         values=reached[1:, 0],
         weights=np.ones(len(works)),
         loops=np.column_stack([reached, narrowest]),
@@ -242,17 +240,15 @@ class _WorstPoses:
 
 
 def _cells(mapped: _Mapped, planes: list[dict[int, Array]]) -> _WorstPoses:
-    frame, names, lowest = mapped.frame.iloc[1:], mapped.machine.joints, mapped.values
-    payload = frame["payload"].to_numpy()
-    rows_of = {0: np.arange(len(frame))}
+    q, payload, lowest = mapped.q[1:], mapped.payload[1:], mapped.values
+    rows_of = {0: np.arange(len(q))}
     for k, load_case in enumerate(mapped.machine.payloads):
         rows_of[k + 1] = np.flatnonzero(payload == load_case.name)
     tables, values = list[Array](), list[Array]()
     for plane, grids in enumerate(planes):
-        cell = np.zeros(len(frame), dtype=int)
+        cell = np.zeros(len(q), dtype=int)
         for j, middles in grids.items():
-            at = frame[names[j]].to_numpy(dtype=float)
-            place = nearest(middles, at) if len(middles) > 1 else 0
+            place = nearest(middles, q[:, j]) if len(middles) > 1 else 0
             cell = cell * len(middles) + place
         for case, rows in rows_of.items():
             worst, spread = _worst_of_each(cell, rows, lowest, mapped.weights)
@@ -289,9 +285,7 @@ def _drawn_machine(
     kept, place = np.unique(cells.table[:, 3], return_inverse=True)
     rows = np.concatenate([[0], kept + 1])
     names = [payload.name for payload in machine.payloads]
-    frame = mapped.frame.iloc[rows]
-    q = frame[list(machine.joints)].to_numpy(dtype=float)
-    case = np.array([names.index(n) for n in frame["payload"]])
+    q, case = mapped.q[rows], np.array([names.index(name) for name in mapped.payload[rows]])
     shapes, limits, lowest = _modes(machine, q, case)
     modes = range(shapes.shape[-1])
     view = side_view(machine, q)

@@ -15,7 +15,7 @@ from tests.frequency.cached import mapped
 @pytest.mark.parametrize("name", ["excavator_20t", "crossing", "branched"])
 def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
     frequencies = mapped(name)
-    x, y, values = plots.joint_plane(frequencies)
+    x, y, values = plots.joint_plane(frequencies, frequencies.lowest)
     assert values.shape == (len(x), len(y))
     assert np.nanmin(values) == frequencies.frame["f1_hz"].min()
 
