@@ -93,10 +93,26 @@ def _around(ax: Axes, renderer: Any) -> Iterator[Bbox]:
     """Boxes of ticks with their labels, of colour bars and of a legend."""
     for part in (ax, *(child for child in ax.child_axes if child.get_visible())):
         for axis in (part.xaxis, part.yaxis) if part.axison else ():
-            if (box := axis.get_tightbbox(renderer, for_layout_only=True)) is not None:
-                yield box
+            if axis.get_visible():
+                yield _with_label(axis, part.get_window_extent(renderer), renderer)
     if (legend := ax.get_legend()) is not None:
         yield legend.get_window_extent(renderer)
+
+
+def _with_label(axis: Any, box: Bbox, renderer: Any) -> Bbox:
+    """Box of axes, of the numbers along one axis, and of its label beyond them."""
+    numbers = axis._get_ticklabel_bboxes(axis._update_ticks(), renderer)
+    if axis.major.formatter.get_offset():  # a power of ten stands beside it
+        return Bbox.union([box, axis.get_tightbbox(renderer, for_layout_only=True)])
+    box = Bbox.union([box, *numbers[0], *numbers[1]])
+    if not axis.label.get_text():
+        return box
+    across = int(axis.axis_name == "x")
+    size = axis.label.get_window_extent(renderer).size[across]
+    away, corners = renderer.points_to_pixels(axis.labelpad) + size, box.get_points().copy()
+    beyond = axis.get_label_position() in ("right", "top")
+    corners[int(beyond), across] += away if beyond else -away
+    return Bbox(corners)
 
 
 def _title_and_legends(fig: Any, renderer: Any) -> tuple[float, float]:
