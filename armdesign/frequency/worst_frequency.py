@@ -22,7 +22,8 @@ from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 
 STARTS = 4  # local searches per load case
-Starts: TypeAlias = dict[str, tuple[Array, float]]
+FAR = 1.15  # times the lowest frequency: no search from poses above ends lower (trials: 1.02)
+Starts: TypeAlias = dict[str, tuple[Array, Array]]
 
 
 class Worst(NamedTuple):
@@ -40,7 +41,7 @@ class Lowest(NamedTuple):
         frequency: at each pose over its load cases (n,) [Hz], inf where none exists.
         worst: the lowest of them.
         starts: of every load case that exists anywhere, poses (m, nq) from which lower ones are
-            sought, the first with the lowest frequency [Hz] of all its poses.
+            sought, and their frequencies (m,) [Hz], the first the lowest of all its poses.
     """
 
     frequency: Array
@@ -137,8 +138,10 @@ def worst_anywhere(
     """
     shares = payload_share, link_share
     starts = starts or lowest_of_poses([machine], workspace, *shares)[0].starts
+    most = FAR * min(frequencies[0] for _, frequencies in starts.values())
     cases = (case for case in load_cases(machine, workspace, *shares) if case.name in starts)
-    worst = (_from_starts(case, *starts[case.name]) for case in cases)
+    near = (case for case in cases if starts[case.name][1][0] <= most)
+    worst = (_from_starts(case, *starts[case.name], most) for case in near)
     return min(worst, key=lambda pose: pose.frequency)
 
 
@@ -147,7 +150,7 @@ def refined(case: CasePoses, frequency: Array) -> WorstPose:
 
     Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
     """
-    return _from_starts(case, *_starts(case, frequency))
+    return _from_starts(case, *_starts(case, frequency), FAR * float(frequency.min()))
 
 
 def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, float]]:
@@ -158,10 +161,13 @@ def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, flo
     return _minima(case, _starts(case, frequency)[0])
 
 
-def _from_starts(case: CasePoses, starts: Array, lowest: float) -> WorstPose:
-    """The worst pose of a load case, sought from starts, the first the lowest known pose."""
-    known = starts[0], lowest
-    return worst_pose(case, *min((known, *_minima(case, starts)), key=lambda at: at[1]))
+def _from_starts(case: CasePoses, starts: Array, frequencies: Array, most: float) -> WorstPose:
+    """The worst pose of a load case, sought from starts, the first the lowest known pose.
+
+    But for those whose frequencies (m,) [Hz] are above ``most``.
+    """
+    known, near = (starts[0], float(frequencies[0])), starts[frequencies <= most]
+    return worst_pose(case, *min((known, *_minima(case, near)), key=lambda at: at[1]))
 
 
 def _minima(case: CasePoses, starts: Array) -> Iterator[tuple[Array, float]]:
@@ -187,18 +193,18 @@ def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
     )
 
 
-def _starts(case: CasePoses, frequency: Array) -> tuple[Array, float]:
+def _starts(case: CasePoses, frequency: Array) -> tuple[Array, Array]:
     """Up to ``STARTS`` of the lowest poses, a fifth of a joint range or more apart.
 
-    And the lowest ``frequency`` of all its poses (m,) [Hz].
+    And their frequencies [Hz], of those of all its poses (m,).
     """
     q, span = case.workspace.q[case.exists], np.ptp(case.workspace.ranges, axis=1)
-    lowest = q[np.argsort(frequency)[: max(200, len(q) // 20)]]
-    chosen: list[Array] = []
-    while len(lowest) > 0 and len(chosen) < STARTS:
-        chosen.append(lowest[0])
-        lowest = lowest[np.abs((lowest - lowest[0]) / span).max(axis=1) > 0.2]
-    return np.array(chosen), float(frequency.min())
+    left = np.argsort(frequency)[: max(200, len(q) // 20)]
+    chosen: list[int] = []
+    while len(left) > 0 and len(chosen) < STARTS:
+        chosen.append(int(left[0]))
+        left = left[np.abs((q[left] - q[left[0]]) / span).max(axis=1) > 0.2]
+    return q[chosen], frequency[chosen]
 
 
 def _descend(case: CasePoses, start: Array) -> Array | None:

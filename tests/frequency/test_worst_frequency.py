@@ -105,3 +105,17 @@ def test_heavier_links_are_searched_between_the_poses_too() -> None:
     assert_allclose(worst.q, expected.q, atol=1e-3)
     lowest = worst_frequency(machine, workspace, link_share=share).frequency
     assert worst.frequency < 0.9 * lowest
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "excavator_12t", "patu_boom", "loader_crane"])
+def test_from_poses_far_above_the_lowest_no_search_ends_lower(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against searches from all of them, as in the file and with structure as soft as oil."""
+    machine = machines.named(name)
+    soft = ad.Bands(structure=(1.0, 1.0)).at_end(machine, True)
+    workspace = ad.Workspace.grid(machine)
+    found = [worst_anywhere(one, workspace).frequency for one in (machine, soft)]
+    monkeypatch.setattr("armdesign.frequency.worst_frequency.FAR", np.inf)
+    every = [worst_anywhere(one, workspace).frequency for one in (machine, soft)]
+    assert_allclose(found, every, rtol=1e-7)
