@@ -8,6 +8,7 @@ the rigid load (the paper's comparison).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -97,15 +98,24 @@ def lowest_frequency(poses: Poses) -> Array:
     return _lowest(poses.mass_matrix, poses.stiffness_matrix)
 
 
+def lowest_frequencies(alike: Sequence[Poses]) -> Array:
+    """Lowest coupled natural frequencies (m, n) [Hz] of m machines of the same inertia."""
+    return _lowest(alike[0].mass_matrix, np.stack([poses.stiffness_matrix for poses in alike]))
+
+
 def _lowest(mass: Array, stiffness: Array) -> Array:
-    """Lowest natural frequency of M and K (n, k, k): (n,) [Hz]; NaN where they are not finite."""
-    known = np.isfinite(mass).all(axis=(1, 2)) & np.isfinite(stiffness).all(axis=(1, 2))
+    """Lowest natural frequency of M (n, k, k) and K (…, n, k, k): (…, n) [Hz].
+
+    NaN where they are not finite.
+    """
+    known = np.isfinite(mass).all(axis=(1, 2))
+    known = known & np.isfinite(stiffness).all(axis=(-2, -1)).reshape(-1, len(mass)).all(axis=0)
     if not known.all():
-        lowest = np.full(len(mass), np.nan)
-        lowest[known] = _lowest(mass[known], stiffness[known])
+        lowest = np.full(stiffness.shape[:-2], np.nan)
+        lowest[..., known] = _lowest(mass[known], stiffness[..., known, :, :])
         return lowest
     inverse = inverse_cholesky(mass)
-    return np.asarray(hertz(np.linalg.eigvalsh(congruent(inverse, stiffness))[:, 0]))
+    return np.asarray(hertz(np.linalg.eigvalsh(congruent(inverse, stiffness))[..., 0]))
 
 
 def energy_shares(poses: Poses, modes: Modes) -> Array:

@@ -254,7 +254,8 @@ class _Between:
         out of stroke.
         """
         frequency = self._linear(self.nodes, q)
-        near = np.isfinite(frequency) | (self._linear(np.isfinite(self.nodes), q) > 0)
+        near = np.isfinite(frequency)
+        near[~near] = self._linear(np.isfinite(self.nodes), q[~near]) > 0
         q, frequency = q[near], frequency[near]
         place, exists = np.empty((len(q), 2)), np.empty(len(q), dtype=bool)
         for rows in chunks(len(q)):

@@ -15,7 +15,12 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
-from armdesign.frequency.modes import energy_shares, lowest_frequency, natural_modes
+from armdesign.frequency.modes import (
+    energy_shares,
+    lowest_frequencies,
+    lowest_frequency,
+    natural_modes,
+)
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
@@ -102,7 +107,7 @@ def lowest_of_poses(
         k = first.index(case)
         poses = poses_of(first, case, rigid)
         others = (poses_of(cases, cases[k], poses) for cases in of_machines[1:])
-        return k, np.stack([lowest_frequency(one) for one in (poses, *others)])
+        return k, lowest_frequencies([poses, *others])
 
     for _, (k, frequencies) in in_chunks(first, lowest, f"{machines[0].name}: worst frequency"):
         found[k].append(frequencies)
