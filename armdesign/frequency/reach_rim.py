@@ -41,7 +41,8 @@ def poses_over_rim(
     middles = _beside(place, cells)
     if len(middles) == 0:
         return q[:0]
-    _, near = cKDTree(place).query(middles, k=min(STARTS, len(q)))
+    tree = cKDTree(place, balanced_tree=False, compact_nodes=False)  # few questions are asked
+    _, near = tree.query(middles, k=min(STARTS, len(q)))
     near = near.reshape(len(middles), -1)
     goals = np.repeat(middles, near.shape[1], axis=0)
     return led_into_cells(machine, ranges, q[near.ravel()], goals, cells)

@@ -69,8 +69,8 @@ def _usual_room(ax: Axes) -> tuple[float, float, float, float]:
     lines = max(
         title.get_text().count("\n") + 1 if title.get_text() else 0 for title in _titles(ax)
     )
-    left, below = (0.35 + 0.2 * bool(label) for label in (ax.get_ylabel(), ax.get_xlabel()))
-    return left, 0.9 if bars else 0.1, below - 0.05, 0.1 + 0.15 * lines
+    left, below = (0.18 * bool(label) for label in (ax.get_ylabel(), ax.get_xlabel()))
+    return 0.34 + left, 0.9 if bars else 0.02, 0.21 + below, 0.03 + 0.16 * lines
 
 
 def _titles(ax: Any) -> tuple[Any, ...]:
