@@ -11,6 +11,7 @@ from armdesign.plots.canvas import (
     COMPUTED,
     INK,
     MARK,
+    Style,
     below,
     figure,
     joint_label,
@@ -79,7 +80,8 @@ def bandwidth_map(
         label = f"{words}: {row[f'{scheme}_hz']:.3g} Hz"
         ax.plot(*at, "o", ms=size, mfc="none", mec="white", mew=4)
         ax.plot(*at, "o", ms=size, mfc="none", mec=colour, mew=2, label=label)
-    ax.legend(loc="upper center", bbox_transform=below(ax, 0.45), bbox_to_anchor=(0.5, 0.0))
+    place: Style = {"bbox_transform": below(ax, 0.45), "bbox_to_anchor": (0.5, 0.0)}
+    ax.legend(loc="upper center", labelspacing=1.1, **place)  # rings apart
     return ax
 
 
@@ -122,7 +124,9 @@ def gain_schedule(schedule: GainSchedule) -> Figure:
         else:
             order = np.argsort(-own)  # the smallest on top, where poses differ in other joints
             places = [one[order] for one in at]
-            dots = ax.scatter(*places, c=own[order], s=40, vmin=gains.min(), vmax=gains.max())
+            ends = max(float(gains.min()), 1e-3 * float(gains.max())), float(gains.max())
+            colours: Style = {"norm": "log", "vmin": ends[0], "vmax": ends[1]}
+            dots = ax.scatter(*places, c=own[order], s=40, **colours)
             ax.set_ylabel(joint_label(joints[1]))
             colour_bar(ax, dots, GAIN)
     for ax in axes[:-1] if len(joints) > 1 else ():

@@ -44,7 +44,12 @@ CORNER = """
 #legend { position: fixed; left: 12px; top: 8px; z-index: 9; font: 13px/1.5 sans-serif;
   color: #20262e; background: #ffffffcc; padding: 4px 8px; pointer-events: none }
 @media (max-width: 60rem) { #legend { left: 0; top: auto; bottom: 52px } }
-"""  # on a narrow screen what is read stands above, and this over the film's controls
+@media (max-aspect-ratio: 5/8) {
+  #root { height: 140vw !important }
+  #legend { top: 140vw; bottom: auto }
+}
+"""  # on a narrow screen what is read stands above, and this over the film's controls; on a tall
+# one the film is lower: the camera sees the same height on all screens, and less of the width
 
 
 def player(view: View) -> tuple[str, str]:

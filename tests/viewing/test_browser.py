@@ -186,6 +186,11 @@ def test_the_film_moves_and_needs_no_network(browser: Any, tmp_path: Path) -> No
     assert above.any()  # words
     assert below.any()  # the machine
     assert html.escape(str(machine.section.title)) in tab.inner_html("#legend")
+    tab.set_viewport_size({"width": 390, "height": 844})  # a phone: nothing is cut at its sides
+    film = tab.locator("canvas").first
+    assert until(lambda: film.bounding_box()["height"] < 1.4 * film.bounding_box()["width"])
+    legend = tab.locator("#legend").bounding_box()
+    assert film.bounding_box()["height"] < legend["y"] < 844 - legend["height"]
     assert not wrong
     tab.close()
 
