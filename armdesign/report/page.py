@@ -118,6 +118,8 @@ def _on_white(image: Image) -> Image:
     """A picture without transparency."""
     from PIL.Image import new
 
+    if image.mode == "RGB":
+        return image
     rgba = image.convert("RGBA")
     alpha = rgba.getchannel("A")
     if alpha.getextrema() == (255, 255):
