@@ -26,7 +26,6 @@ PICTURES = {  # of pages: each picture, and the file in the page's folder that i
 }
 FOLDER = DOCS / "pictures"
 WIDTH, HEAD = 1000, 1760  # [px] of pictures, and of a report's head
-COLOURS = 256
 SQUARE = 10  # [px]: pictures are compared by the means of squares
 LEVEL, FEW = 30.0, 5  # of 255, by which a square differs; squares that may: one word is ten
 
@@ -72,7 +71,7 @@ def write() -> None:
             for example in page(DOCS / f"{name}.md").examples():
                 example.evaluate()
             for picture, file in pictures.items():
-                drawn(Path(folder) / file).quantize(COLOURS).save(FOLDER / picture, optimize=True)
+                drawn(Path(folder) / file).save(FOLDER / picture, optimize=True)
 
 
 if __name__ == "__main__":
