@@ -7,9 +7,6 @@ import sys
 
 THREADS = "OPENBLAS_NUM_THREADS"  # matrices have ten to a hundred rows: more threads only wait
 COLLECTED = 500_000, 10, 10  # as ``gc.set_threshold``: a run of seconds hardly looks for cycles
-STACK = 70_000  # values: Python has the stack of calls in pieces, the smallest of 16 kB, and asks
-# the system for one, and gives it back, at every call over an edge, thousands of times in a loop
-# that is just there; a call that takes so much has all others in its own piece
 
 
 def main() -> None:
@@ -33,8 +30,6 @@ def main() -> None:
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-
-main.__code__ = main.__code__.replace(co_stacksize=STACK)
 
 if __name__ == "__main__":
     main()

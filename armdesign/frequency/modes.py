@@ -108,8 +108,9 @@ def _lowest(mass: Array, stiffness: Array) -> Array:
 
     NaN where they are not finite.
     """
+    of_machines = tuple(range(stiffness.ndim - 3))
     known = np.isfinite(mass).all(axis=(1, 2))
-    known = known & np.isfinite(stiffness).all(axis=(-2, -1)).reshape(-1, len(mass)).all(axis=0)
+    known &= np.isfinite(stiffness).all(axis=(*of_machines, -2, -1))
     if not known.all():
         lowest = np.full(stiffness.shape[:-2], np.nan)
         lowest[..., known] = _lowest(mass[known], stiffness[..., known, :, :])

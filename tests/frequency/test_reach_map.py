@@ -141,7 +141,7 @@ def test_places_out_of_reach_are_blank() -> None:
     # the one across both joints now stops them
     machine = machine.replace({"cylinder.long.stroke_mm": 0.58 * stroke})
     frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 9))
-    _, _, cells = plots.joint_plane(frequencies)
+    _, _, cells = plots.joint_plane(frequencies, frequencies.lowest)
     assert np.isnan(cells).any()
     assert np.isfinite(cells).sum() == len(frequencies.frame)
 
