@@ -32,18 +32,16 @@ STARTS = 3  # where pins move
 STARTS_OF_FOUR_BARS = 6  # where these move, which have more local optima
 DRAWN_SHARE = 0.7  # of the pin box in which starts are drawn; shrunk by it until they close
 ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
-BRIEFLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-2, "steps": 4, "seen": True}
+BRIEFLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-2, "looks": 1, "seen": True}
 TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}
 CURVED_ROUNDS = 4  # of second order and linearised programmes in turn, where four-bars move
 LEAST_RISE = 1e-5  # of today's lowest ω², by the last of them
 # of the moment arm of every four-bar that moves, from which the best is searched on, and how
-# many of them are left at the end of a race and are followed
+# many of them lead after a few steps and are followed
 ARM_SHAPES, LEADERS = 24, 6
 LEAST_GAIN = 1e-4  # of today's lowest ω²
 NAMED = 3  # requirements, of a start that failed
-# of today's lowest ω²: starts that end this far below the best are left there; ends of four-bars
-# are dear, and the best one's other shapes are tried
-LEFT_BELOW, FOUR_BARS_LEFT_BELOW = 0.2, 0.02
+LEFT_BELOW = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
 
 def formulate(
@@ -141,13 +139,11 @@ def multistart(
 
     Starts are the design ``given``, if any, today's machine and random pins, ``starts`` in all
     (None: ``STARTS``, or ``STARTS_OF_FOUR_BARS`` where four-bars move). Every start is searched
-    roughly; those that come near the best are searched to the end, with SLSQP too. Where four-bars
-    move, their other shapes are tried from there.
+    roughly; those that come near the best are searched to the end, with SLSQP too.
     """
     searches = [Search(problem=problem, x=x) for x in start_designs(problem, starts, seed, given)]
     searches = follow_all(searches, workers, **ROUGHLY)
-    left_below = FOUR_BARS_LEFT_BELOW if problem.vector.moves_within else LEFT_BELOW
-    least = max(s.merit for s in searches) - left_below
+    least = max(s.merit for s in searches) - LEFT_BELOW
     near = [k for k, search in enumerate(searches) if search.merit >= least]
     followed = follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
     for k, search in zip(near, followed, strict=True):
@@ -186,7 +182,7 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
     """The best design, or a better one that is found with a four-bar of another shape.
 
     Four-bars have several optima, each with moment arms of its own shape, see ``arm_shapes``.
-    The shapes that lead in a race are followed.
+    After a few steps from each shape the leaders are followed.
     """
     problem = best.problem
     starts = [
@@ -201,7 +197,8 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
         brief = [
             Search(problem=problem, x=x, rows=best.rows, holding=best.holding) for x in designs
         ]
-        leaders = _leaders(brief, workers)
+        brief = follow_all(brief, workers, **BRIEFLY)
+        leaders = sorted(brief, key=lambda s: -s.merit)[:LEADERS]
         other = max(follow_all(leaders, workers, **ROUGHLY), key=lambda s: s.merit)
         if other.merit > best.merit + LEAST_GAIN:
             other = follow(other, curved=True, **TO_THE_END)
@@ -209,15 +206,6 @@ def _of_other_shapes(best: Search, workers: int) -> Search:
             break
         best = other
     return best
-
-
-def _leaders(race: list[Search], workers: int) -> list[Search]:
-    """The searches that lead when the better half goes on after every few steps."""
-    while True:
-        race = sorted(follow_all(race, workers, **BRIEFLY), key=lambda s: -s.merit)
-        if len(race) <= 2 * LEADERS:
-            return race[:LEADERS]
-        race = race[: len(race) // 2]
 
 
 def _with(x: Array, other: Array, entries: Array) -> Array:
@@ -313,7 +301,7 @@ def follow(search: Search, curved: bool = False, seen: bool = False, **settings:
     are those that count.
     """
     if seen:
-        return search.refine(**settings).look(improved=True)
+        return search.run_on(**settings)
     for _ in range(CURVED_ROUNDS if curved and search.problem.vector.moves_within else 1):
         search.look()
         before = search.merit

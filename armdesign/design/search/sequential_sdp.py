@@ -141,10 +141,10 @@ class Search:
                 break
         return self
 
-    def refine(self, trust: float, tolerance: float, steps: int = STEPS) -> Search:
+    def refine(self, trust: float, tolerance: float) -> Search:
         """Improve ``x`` by the rows watched already: for a design that hardly moves."""
         self.limits = constraints_at(self.problem, self.x, self.holding)
-        self._improve(trust, tolerance, steps)
+        self._improve(trust, tolerance)
         return self
 
     @np.errstate(invalid="ignore", divide="ignore")
@@ -244,7 +244,7 @@ class Search:
 
         return foreseen
 
-    def _improve(self, trust: float, tolerance: float, steps: int = STEPS) -> None:
+    def _improve(self, trust: float, tolerance: float) -> None:
         """Take ``x`` along steps by the watched rows, as long as they promise the tolerance."""
 
         def step(trial: Trial, box: Box, refused: Sequence[Trial]) -> tuple[Trial, float] | None:
@@ -256,7 +256,7 @@ class Search:
                 return None
             return self._best_trial(trial, model, answer.change, box, promised), promised
 
-        best = ascend(self.trial(), step, self.bounds, TrustRegion(trust, SMALLEST, steps))
+        best = ascend(self.trial(), step, self.bounds, TrustRegion(trust, SMALLEST, STEPS))
         self.x, self.limits, self.squared = best.x, best.limits, float(best.squared.min())
 
     def _best_trial(

@@ -40,7 +40,7 @@ def coarse(name: str, vary: tuple[str, ...]) -> Problem:
 def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches stay where they start."""
 
-    for name in ("run", "refine"):
+    for name in ("run", "run_on"):
         monkeypatch.setattr(Search, name, lambda search, **_: search.look())
     monkeypatch.setattr(module, "improve_by_slsqp", lambda search: search)
     monkeypatch.setattr(module, "with_least_moved_pins", lambda search: search)
