@@ -34,6 +34,9 @@ ROUNDS = 10  # of setting up again where the answer lies, better or not;
 FAILED = 2  # after so many that are not, from the best with half as many steps
 PROMISED = 1e-6  # of the lowest ω², relative
 LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
+# decimals of steps to which a search's end is known, and digits of its ω²: rounding of last bits,
+# which differs from processor to processor, is not to decide where branch and bound goes
+DECIMALS, DIGITS = 3, 6
 CUTS = 8  # times of adding directions at most, to either kind of numbers, until t is
 CLOSE = 1e-6  # that near to the lowest eigenvalue
 NODES, GAP = 2_000, 1e-6  # of branch and bound
@@ -121,9 +124,13 @@ class Lattice:
             (0.0, problem.grid.strokes * mm, STROKE, 1, math.inf),
         ]
         columns = np.array([*rows, *len(cylinders) * lengths], dtype=float).reshape(-1, 5).T
-        own = np.stack(vector.strokes(search.x), axis=1)
-        start = replace(search, strictness=STRICT)
-        start = start.of(_with_lengths(problem, cylinders, own[cylinders]), search.x)
+        x, (origin, unit) = search.x.copy(), columns[:2, : len(entries)]
+        x[entries] = origin + unit * np.round((x[entries] - origin) / unit, DECIMALS)
+        own = np.stack(vector.strokes(x), axis=1)
+        start = replace(
+            search, strictness=STRICT, reference=float(f"{search.reference:.{DIGITS}g}")
+        )
+        start = start.of(_with_lengths(problem, cylinders, own[cylinders]), x)
         lattice = cls(Point.of(start), entries, cylinders, *columns)
         return replace(lattice, any_will_do=any_will_do)
 
