@@ -25,7 +25,11 @@ from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.infeasibility.explanation import design_or_proof, require_feasible
+from armdesign.design.search.infeasibility.explanation import (
+    design_or_proof,
+    not_written,
+    require_feasible,
+)
 from armdesign.design.search.infeasibility.restoration import nearest_design
 from armdesign.design.search.multistart import Starts, formulate, formulate_with_sizes, multistart
 from armdesign.design.search.rounding import CheckedMachine, inmost_machine
@@ -130,8 +134,7 @@ def outcome_of(
     """The best design of a problem, not yet priced; arguments as in ``optimize``.
 
     ``given`` is a design to start from, and the sizes that it has of a catalogue. Where
-    ``any_will_do`` the first design that can be written is the answer; the whole search falls back
-    on it too.
+    ``any_will_do`` the first design is the answer, which the whole search falls back on too.
 
     Raises:
         InfeasibleError: none was found that meets the requirements.
@@ -147,8 +150,8 @@ def outcome_of(
     nearest = nearest_design(problem, start)
     if nearest.violation > MISSED:
         nearest = meeting_all(nearest, sizes)
-    if any_will_do and (first := _first_outcome(sized(nearest, sizes))):
-        return first
+    if any_will_do:
+        return _first_outcome(sized(nearest, sizes))
     near = None
     if not np.array_equal(nearest.x, start):  # which misses some
         near = require_feasible(sized(nearest, sizes))
@@ -173,15 +176,17 @@ def _machine_near(search: Search) -> CheckedMachine | None:
     return inmost_machine(search) or inmost_machine(search, any_will_do=True)
 
 
-def _first_outcome(search: Search) -> Outcome | None:
-    """The first machine near a search that can be written, frequency left aside; None if none can.
+def _first_outcome(search: Search) -> Outcome:
+    """The first machine near a search that can be written, frequency left aside.
 
     Raises:
-        InfeasibleError: the search misses a requirement.
+        InfeasibleError: the search misses a requirement, or none near it can be written.
     """
     search = require_feasible(search)
     machine = inmost_machine(search, any_will_do=True)
-    return machine and Outcome(search, Starts(), None, machine)
+    if machine is None:
+        raise not_written(search)
+    return Outcome(search, Starts(), None, machine)
 
 
 @checked
