@@ -87,6 +87,7 @@ class InfeasibleError(ArmDesignError):
         conflict: requirements that cannot be met together, though without any one of them the
             others can; of several such sets that have nothing in common all, see
             ``Concession.part``. If each is relaxed by its ``together``, there is a design.
+        drawn: whether a machine with all that is relaxed was drawn and meets the rest.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class InfeasibleError(ArmDesignError):
         table: str = "",
     ) -> None:
         super().__init__(part, fault, remedy)
-        self.conflict, self.table = conflict, table
+        self.conflict, self.table, self.drawn = conflict, table, False
 
 
 class UntriedError(InfeasibleError):

@@ -69,6 +69,9 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
             if granted == requirements:  # nothing that a file could state helps
                 break
             requirements = granted
+            if refusal.drawn:
+                settled = True
+                break
         else:
             if not refusals:
                 return answer
@@ -207,7 +210,7 @@ class Conflict:
 
         If ``drawn`` so much that a machine near the design that misses least can be drawn.
         """
-        search, amounts = self.search, self.among.amounts(self.among.x)
+        search, amounts, enough = self.search, self.among.amounts(self.among.x), False
         by_name = {name: evaluation for name, (evaluation, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
             lacks = {name: amount for name, (_, amount) in amounts.items() if amount > 0}
@@ -216,13 +219,15 @@ class Conflict:
             together, x = self.relaxation.amounts, self.relaxation.x
             alone = {} if search.problem.sizes else self._alone(by_name, together, x)
             near = x if drawn else None
-            given, _ = _sufficient(search, self.subsets, by_name, together, alone, near)
+            given, enough = _sufficient(search, self.subsets, by_name, together, alone, near)
         none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
         otherwise = OTHER_SIZES if self.by_sizes else ""
         settled = self.relaxation is not None
-        return conflict_error(
+        error = conflict_error(
             search.problem.machine.name, given, none_meets, settled, otherwise, least=False
         )
+        error.drawn = enough
+        return error
 
     def _alone(
         self, by_name: Mapping[str, Evaluation], together: Mapping[str, float], near: Array
