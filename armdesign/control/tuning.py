@@ -82,6 +82,11 @@ class Task:
             position=kappa * omega, pressure=pressure, corner=corner, filter=self.aim.filter
         )
 
+    @cached_property
+    def fine(self) -> Loops:
+        """The loops on a fine grid."""
+        return Loops.of(self.plant, FINE)
+
     @property
     def shapes(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Of the gains κ (n, nq) and η (n, nc)."""
@@ -200,14 +205,21 @@ class Tuned:
 
 
 def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
-    """Controllers (n) with the largest κ of all loops that some η of all loops allows."""
+    """Controllers (n) with the largest κ of all loops that some η of all loops allows.
+
+    What counts is what is left of κ where gains are reduced, see ``settled``: the η of the largest
+    κ on a coarse grid may lose more of it than another.
+    """
     best, chosen = np.zeros((2, len(task.plant)))
     for eta in loss_factors:
         kappa = _out_of_bands(task, task.largest(eta, task.close * best), eta, best)
-        better = np.flatnonzero(kappa)
-        best[better], chosen[better] = kappa[better], eta
+        kept = task.without_units(settled(task, task.common(kappa, eta)))
+        left, fed = (gains[:, 0] for gains in kept)
+        better = left > best
+        best[better], chosen[better] = left[better], fed[better]
     ones, more = (np.ones(shape) for shape in task.shapes)
-    return safe(task, task.controller(ones * best[:, None], more * chosen[:, None]))
+    controller = task.controller(ones * best[:, None], more * chosen[:, None])
+    return Tuned(controller, task.loops.figures(controller))
 
 
 def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
@@ -242,23 +254,22 @@ def settled(task: Task, controller: Controller, least: Controller | None = None)
     hold, ``least`` (None: 0), which remain where no reduction is enough.
     """
     least = least or task.controller(*map(np.zeros, task.shapes))
-    loops, share = Loops.of(task.plant, FINE), np.zeros(len(task.plant))
-    rows = np.flatnonzero(controller.position.any(axis=1))
+    share, rows = np.zeros(len(task.plant)), np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
         less = _between(least, controller, np.full(len(share), tried))
-        kept = _keeping(task, loops, less, rows)
+        kept = _keeping(task, less, rows)
         share[kept] = tried
         rows = np.setdiff1d(rows, kept)
         if len(rows) == 0:
             break
     if task.close < CLOSE:
-        share = _finer(task, loops, controller, least, share)
+        share = _finer(task, controller, least, share)
     return _between(least, controller, share)
 
 
-def _keeping(task: Task, loops: Loops, controller: Controller, rows: Array) -> Array:
+def _keeping(task: Task, controller: Controller, rows: Array) -> Array:
     """Those of some poses at which loops are stable, and keep the margin where they ring too."""
-    rows = rows[margins_hold(loops, controller, task.aim.margin, rows)]
+    rows = rows[margins_hold(task.fine, controller, task.aim.margin, rows)]
     if len(rows) == 0:
         return rows
     plant, own = task.plant[rows], controller[rows]
@@ -269,18 +280,16 @@ def _keeping(task: Task, loops: Loops, controller: Controller, rows: Array) -> A
     return rows[keeps]
 
 
-def _finer(
-    task: Task, loops: Loops, controller: Controller, least: Controller, share: Array
-) -> Array:
+def _finer(task: Task, controller: Controller, least: Controller, share: Array) -> Array:
     """Shares (n,) of gains that hold, raised towards the next of ``RETREATS``, which do not."""
     tried = np.array(RETREATS[::-1])
     following = np.minimum(np.searchsorted(tried, share) + 1, len(tried) - 1)
-    above, every = np.where(share > 0, tried[following], 0.0), np.arange(len(share))
-    while (above > task.close * share).any():
+    above = np.where(share > 0, tried[following], 0.0)
+    while len(rows := np.flatnonzero(above > task.close * share)):
         middle = (share + above) / 2
-        less = _between(least, controller, middle)
-        holds = np.isin(every, _keeping(task, loops, less, every))
-        share, above = np.where(holds, middle, share), np.where(holds, above, middle)
+        holds = np.zeros(len(share), dtype=bool)
+        holds[_keeping(task, _between(least, controller, middle), rows)] = True
+        share[holds], above[rows] = middle[holds], np.where(holds, above, middle)[rows]
     return share
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import control
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import armdesign as ad
+from armdesign.arrays import Array
 from armdesign.control.bandwidth_map import GAIN_ERROR
 from armdesign.control.controller import Controller, closed_loop
 from armdesign.control.loop_plant import loop_plant, workable
@@ -17,7 +19,16 @@ from armdesign.control.loops import FINE, Loops
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.position_gains import individual
 from armdesign.control.stability import stability, stable
-from armdesign.control.tuning import Aim, Task, best_of, damped, proportional
+from armdesign.control.tuning import (
+    CLOSE,
+    EXACT,
+    LOSS_FACTORS,
+    Aim,
+    Task,
+    best_of,
+    damped,
+    proportional,
+)
 from tests.control.machines import many_plants, one_mass, worst_plant
 
 MARGIN = 2 * math.tan(math.pi / 8)  # 45 deg
@@ -103,18 +114,35 @@ def test_gains_keep_the_margin_and_larger_ones_do_not() -> None:
     assert (fine.figures(larger).margin < MARGIN).mean() > 0.9
 
 
-def test_gains_that_are_reduced_keep_the_margin_where_they_then_ring() -> None:
-    """Modes of the crane are damped by 0.02 % and less: between frequencies of any grid."""
+def crane(close: float = CLOSE) -> Task:
+    """Of the loader crane at poses all over, whose modes are damped by 0.02 % and less."""
     machine = ad.load("loader_crane").with_payload("full")
     space = ad.Workspace.sobol(machine, 64)
     poses = machine.at(space.q[machine.holds(space.q)])
     plant = loop_plant(machine, poses)[np.flatnonzero(workable(machine, poses))]
-    task = Task(plant, Loops.of(plant), Aim(margin=MARGIN))
+    return Task(plant, Loops.of(plant), Aim(margin=MARGIN), close)
+
+
+def test_gains_that_are_reduced_keep_the_margin_where_they_then_ring() -> None:
+    """Between frequencies of any grid."""
+    task = crane()
     for controller in (damped(task).controller, individual(task, proportional(task)).controller):
-        ringing = stability(plant, controller).ringing
+        ringing = stability(task.plant, controller).ringing
         about = np.concatenate([ringing * share for share in (0.997, 0.9995, 1.0, 1.003)], axis=1)
-        there = Loops.at(plant, np.sort(about, axis=1))
+        there = Loops.at(task.plant, np.sort(about, axis=1))
         assert (there.figures(controller).margin >= 0.98 * MARGIN).all()  # before: 0.62 and more
+
+
+def test_no_loss_factor_leaves_larger_gains_than_the_one_that_is_chosen() -> None:
+    """The largest gains before some are reduced are often reduced the most."""
+    task = crane(EXACT)
+
+    def largest(loss_factors: Sequence[float]) -> Array:
+        return task.without_units(best_of(task, loss_factors).controller)[0][:, 0]
+
+    best = largest(LOSS_FACTORS)
+    for eta in LOSS_FACTORS[1::2]:
+        assert (best >= 0.999 * largest((eta,))).all()  # before: 0.54 and more
 
 
 def test_a_margin_that_no_gain_reaches_leaves_no_gains() -> None:
