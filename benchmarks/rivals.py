@@ -92,7 +92,7 @@ class Plain(SteppedDesign):
         """Transmission of a four-bar over its joint's range (1, n)."""
         poses = self.vector.range_poses[i]
         assert poses is not None
-        return self.linkages[i].transmission(poses)[0][None]
+        return self.linkages[i].transmission(poses)[None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,8 +68,18 @@ class RigidPoses:
             self._distinct[joints] = (self[first], back) if few else None
         return self._distinct[joints] or (self, slice(None))
 
+    def repeated(self, times: int) -> RigidPoses:
+        """All poses so many times, one after the other. Worked out once for the same number."""
+        if times not in self._repeated:
+            self._repeated[times] = self[np.tile(np.arange(len(self)), times)]
+        return self._repeated[times]
+
     @cached_property
     def _distinct(self) -> dict[tuple[int, ...], tuple[RigidPoses, Array] | None]:
+        return {}
+
+    @cached_property
+    def _repeated(self) -> dict[int, RigidPoses]:
         return {}
 
 

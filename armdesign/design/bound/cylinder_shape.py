@@ -26,6 +26,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.pin_triangles import TriangleBoxes
+from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import sweep
@@ -340,19 +341,15 @@ def _moves(problem: Problem, i: int) -> dict[str, Array] | None:
 def _about(linkage: Linkage, poses: RigidPoses, pin: str, reach: Array, sign: float) -> Shape:
     """The shape by moves b [m] of one pin within ``reach`` (2, 2); the other one stays."""
     joint = linkage.joints[0]
-    now, slopes = linkage.sensitivities(poses, [(pin, 0), (pin, 2)])
+    stepped = linkage.stepped_actuation(poses, [(pin, 0), (pin, 2)], STEP)
     length, arm, curve = (
-        now.length,
-        now.moment_arm[:, joint],
-        now.moment_arm_derivative[:, joint, joint],
+        stepped.length,
+        stepped.moment_arm[:, joint],
+        stepped.moment_arm_derivative[:, joint, joint],
     )
-    slope = np.empty((len(poses), 3, 2))
-    for k, by in enumerate(slopes):
-        d_arm, d_curve = by.moment_arm[:, joint], by.moment_arm_derivative[:, joint, joint]
-        slope[:, 0, k] = length * by.length
-        slope[:, 1, k] = by.length * arm + length * d_arm
-        slope[:, 2, k] = by.length * curve + length * d_curve + 2 * arm * d_arm
-    constant = np.stack([length**2 / 2, length * arm, length * curve + arm**2], axis=1)
+    terms = np.stack([length**2 / 2, length * arm, length * curve + arm**2], axis=1)
+    constant = terms[: len(poses)].real
+    slope = np.moveaxis(terms.imag.reshape(2, -1, 3), 0, -1) / STEP
     low, high = reach
     return Shape(
         constant=constant, slope=slope, sign=sign, low=low, high=high, scale=(1.0, 1.0), pin=pin

@@ -1,26 +1,26 @@
 """Gradients by areas and pins: the design at x with a complex step along each entry of x.
 
-Places have the analytic sensitivities of their linkage; what is computed from them goes on in
-complex numbers, so the imaginary part over ``STEP`` is the exact derivative: of requirements in
-``constraints.py``, of stiffness and mass, and so of frequencies, in ``dynamics.py``.
+The imaginary part of all that is computed from it, over ``STEP``, is the exact derivative: of
+requirements in ``constraints.py``, of stiffness and mass, and so of frequencies, in
+``dynamics.py``. A linkage is evaluated once for all of its places that move, at k times as many
+poses, not once for each entry of x: most move another one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array, Numbers
+from armdesign.arrays import Array
 from armdesign.design.program.design_vector import DesignVector, Geometry
 from armdesign.design.program.moving_masses import InertiaAndGravity, MomentsOf
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.carried_bars import M, first_of_bar, of_bar, weighed, weighed_by_row
-from armdesign.mechanism.linkage.base import Actuation, Linkage
+from armdesign.mechanism.linkage.base import Linkage
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
 
@@ -63,14 +63,8 @@ class SteppedDesign:
         ]
 
     def _swept(self, i: int, poses: RigidPoses) -> tuple[Array, Array]:
-        joint = self.linkages[i].joints[0]
-        actuation, slopes = self._sensitivities(i, poses)
-        length = self._variants(actuation.length)
-        arm = self._variants(actuation.moment_arm[:, joint])
-        for index, slope in slopes.items():
-            length[index] += self._pin_step(slope.length)
-            arm[index] += self._pin_step(slope.moment_arm[:, joint])
-        return length, arm
+        length, arms = self._actuation(i, poses, "length", "moment_arm")
+        return length, arms[:, :, self.linkages[i].joints[0]]
 
     @cached_property
     def _closed_and_stroke(self) -> tuple[Array, Array]:
@@ -102,47 +96,43 @@ class SteppedDesign:
         at = self._variants(np.array(place))
         for index, (moved, axis) in self.vector.moves(i).items():
             if moved == name:
-                at[index, axis] += self._pin_step()
+                at[index, axis] += 1j * self._step
         return at
 
     def transmission(self, i: int) -> Array:
         """Cosine of the angle between rocker and coupler over the range of the joint (nx, n)."""
-        poses, moves = self.vector.range_poses[i], self.vector.moves(i)
+        poses = self.vector.range_poses[i]
         assert poses is not None
-        cosine, slopes = self.linkages[i].transmission(poses, list(moves.values()))
-        stepped = self._variants(cosine)
-        for index, slope in zip(moves, slopes, strict=True):
-            stepped[index] += self._pin_step(slope)
-        return stepped
+        entries, linkage, rows = self._moved(i, poses)
+        return self._of_entries(entries, linkage.transmission(rows))
 
     def geometry(self, rigid: RigidPoses) -> Geometry:
         """Lengths, moment arms and their derivatives of all actuators at some poses (nx, n, …)."""
-        names = ("length", "moment_arm", "moment_arm_derivative")
-        return Geometry(*self._actuations(rigid, names))
+        return Geometry(*self._actuations(rigid, "length", "moment_arm", "moment_arm_derivative"))
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
         """∂ℓ/∂q at some poses (nx, n, nc, nq)."""
-        (arms,) = self._actuations(rigid, ("moment_arm",))
+        (arms,) = self._actuations(rigid, "moment_arm")
         return arms
 
-    def _actuations(self, rigid: RigidPoses, names: Sequence[str]) -> Iterator[Array]:
+    def _actuations(self, rigid: RigidPoses, *names: str) -> list[Array]:
         """Parts of all actuations at some poses (nx, n, nc, …), by their names."""
         count = len(self.vector.machine.actuators)
-        known = [self._sensitivities(i, rigid) for i in range(count)]
-        for name in names:
-            part = self._variants(np.stack([getattr(at, name) for at, _ in known], axis=1))
-            for i, (_, slopes) in enumerate(known):
-                for index, slope in slopes.items():
-                    part[index][:, i] += self._pin_step(getattr(slope, name))
-            yield part
+        each = [self._actuation(i, rigid, *names) for i in range(count)]
+        return [np.stack(parts, axis=2) for parts in zip(*each, strict=True)]
+
+    def _actuation(self, i: int, poses: RigidPoses, *names: str) -> list[Array]:
+        """Parts of the actuation of actuator ``i`` at some poses (nx, n, …), by their names."""
+        if moves := self.vector.moves(i):
+            actuation = self.linkages[i].stepped_actuation(poses, [*moves.values()], self._step)
+        else:
+            actuation = self.vector.drives(self.x)[i].actuation(poses)
+        return [self._of_entries(list(moves), getattr(actuation, name)) for name in names]
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """Base pin and rod end of a cylinder in the world (nx, n, 3) [m]."""
-        moves = self.vector.moves(i)
-        ends, slopes = self.linkages[i].ends_and_slopes(rigid, list(moves.values()))
-        base, end = map(self._variants, ends)
-        for (index, (name, _)), slope in zip(moves.items(), slopes, strict=True):
-            (base if name == "base" else end)[index] += self._pin_step(slope)
+        entries, linkage, rows = self._moved(i, rigid)
+        base, end = (self._of_entries(entries, part) for part in linkage.ends(rows))
         return base, end
 
     def bare_gravity(self, rigid: RigidPoses) -> Array:
@@ -164,58 +154,46 @@ class SteppedDesign:
 
     def _moments(self, i: int, positions: RigidPoses, of: MomentsOf[M]) -> M:
         """Moments of the bars of cylinder ``i`` at positions of its joints (nx, m, …)."""
-        moving, linkage, closed = self.vector.moving_masses, self.linkages[i], self.closed[:, i]
+        moving, areas, closed = self.vector.moving_masses, self.areas[:, i], self.closed[:, i]
         assert moving is not None
-        masses = moving.masses_of(i, self.areas[:, i], closed, linkage)
-        total = weighed(masses, moving.moments_of(i, linkage, closed[0].real, positions, of))
-        if entries := list(self.vector.moves(i)):
-            for whole, moved in zip(
-                total, self._moved_moments(i, entries, positions, of), strict=True
-            ):
-                whole[entries] = moved.reshape(len(entries), *whole.shape[1:])
+        masses = moving.masses_of(i, areas, closed, self.linkages[i])
+        entries, linkage, rows = self._moved(i, positions)
+        if not entries:
+            return weighed(masses, moving.moments_of(i, linkage, closed[0].real, rows, of))
+        count = len(positions)
+        areas, closed = (np.repeat(part[entries], count, axis=0) for part in (areas, closed))
+        units = moving.moments_of(i, linkage, closed, rows, of)
+        total = weighed(masses, [type(one)(*(p[:count].real for p in one)) for one in units])
+        moved = weighed_by_row(moving.masses_of(i, areas, closed, linkage), units)
+        for whole, part in zip(total, moved, strict=True):
+            whole[entries] = part.reshape(len(entries), *whole.shape[1:])
         return total
 
-    def _moved_moments(
-        self, i: int, entries: Sequence[int], positions: RigidPoses, of: MomentsOf[M]
-    ) -> M:
-        """Moments of the bars of cylinder ``i``, stepped along entries that move a place.
+    @property
+    def _step(self) -> float:
+        """The complex step of a coordinate of a place [m]."""
+        return STEP * self.vector.pin_box
 
-        All entries at once: as many rows (k·m, …) as there are positions for each of k.
+    def _moved(self, i: int, poses: RigidPoses) -> tuple[list[int], Linkage, RigidPoses]:
+        """The k entries of x that move cylinder ``i``, and its linkage stepped along each of them.
+
+        It is at k·n poses, the n for each entry; as it stands at the n where none moves it.
         """
-        moving, count = self.vector.moving_masses, len(positions)
-        assert moving is not None
-        areas, closed = (
-            np.repeat(part[entries, i], count, axis=0) for part in (self.areas, self.closed)
-        )
-        linkage = self._stepped_by_row(i, entries, count)
-        rows = positions[np.tile(np.arange(count), len(entries))]
-        masses = moving.masses_of(i, areas, closed, linkage)
-        return weighed_by_row(masses, moving.moments_of(i, linkage, closed, rows, of))
+        moves, linkage = self.vector.moves(i), self.linkages[i]
+        if not moves:
+            return [], linkage, poses
+        stepped = linkage.stepped([*moves.values()], self._step, len(poses))
+        return list(moves), stepped, poses.repeated(len(moves))
 
-    def _pin_step(self, slope: Numbers = 1.0) -> Numbers:
-        """What a quantity of this slope by a coordinate of a pin gains by the complex step."""
-        return 1j * STEP * self.vector.pin_box * slope
+    def _of_entries(self, entries: list[int], values: Array) -> Array:
+        """Variants (nx, n, …) of values stepped along k entries of x (k·n, …), or along none."""
+        if not entries:
+            return self._variants(values)
+        stepped = values.reshape(len(entries), -1, *values.shape[1:])
+        variants = self._variants(stepped[0].real)
+        variants[entries] = stepped
+        return variants
 
     def _variants(self, values: Array) -> Array:
         """Complex copies of values, one for each entry of x (nx, …)."""
         return np.array(np.broadcast_to(values, (len(self.x), *values.shape)), dtype=complex)
-
-    def _sensitivities(self, i: int, poses: RigidPoses) -> tuple[Actuation, dict[int, Actuation]]:
-        """Actuation of actuator ``i``, and its derivatives by the entries of x that move it."""
-        drive, moves = self.vector.drives(self.x)[i], self.vector.moves(i)
-        if not moves:
-            return drive.actuation(poses), {}
-        actuation, slopes = self.linkages[i].sensitivities(poses, list(moves.values()))
-        return actuation, dict(zip(moves, slopes, strict=True))
-
-    def _stepped_by_row(self, i: int, entries: Sequence[int], count: int) -> Linkage:
-        """The linkage of cylinder ``i``, stepped along each of the entries that move its places.
-
-        In ``count`` rows for each.
-        """
-        linkage, moves = self.linkages[i], self.vector.moves(i)
-        for place in {place for place, _ in moves.values()}:
-            at = self.place(i, place)
-            assert at is not None
-            linkage = linkage.with_place(place, list(np.repeat(at[entries], count, axis=0).T))
-        return linkage

@@ -197,7 +197,7 @@ def _swept(
 @lru_cache(maxsize=64)
 def _transmission(linkage: Linkage, arm: Arm, ends: tuple[float, ...], samples: int) -> Array:
     poses = sweep(arm, linkage.joints[0], over(np.array(ends), samples))
-    return linkage.transmission(poses)[0][None]
+    return linkage.transmission(poses)[None]
 
 
 def peak(values: Array, curve: Array) -> tuple[Array, Array]:

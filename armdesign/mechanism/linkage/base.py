@@ -11,7 +11,7 @@ H_jk = (d_j·d_k + d·d_jk − r_j r_k)/ℓ  with d = P − B.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self, TypeAlias
@@ -51,14 +51,6 @@ class Actuation(Jet):
     def moment_arm_derivative(self) -> Array:
         """(n, k, k), computed when it is asked for."""
         return self.second
-
-
-@dataclass(frozen=True, eq=False)
-class RodEnd:
-    """Position of a rod end seen from a link, and its derivative by a coordinate of a place."""
-
-    position: VectorJet
-    derivative: Callable[[str, int], VectorJet]
 
 
 class Drive(ABC):
@@ -178,8 +170,11 @@ class Linkage(Drive):
         return self.base.link
 
     @abstractmethod
-    def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> RodEnd:
-        """The rod end seen from a link, with derivatives by some joints."""
+    def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> VectorJet:
+        """The rod end seen from a link, with derivatives by some joints.
+
+        Complex-safe; places may differ by row.
+        """
 
     @abstractmethod
     def rod_end_record(self) -> dict[str, Any]:
@@ -198,10 +193,8 @@ class Linkage(Drive):
         """Fault where links and joints do not suit the kind; ``where`` names its cylinder."""
         return None
 
-    def transmission(
-        self, poses: RigidPoses, moves: Sequence[Move] = ()
-    ) -> tuple[Array, list[Array]]:
-        """Cosine of the transmission angle (n,), and its derivatives by coordinates of places."""
+    def transmission(self, poses: RigidPoses) -> Array:
+        """Cosine of the transmission angle (n,); complex-safe, places may differ by row."""
         raise NotImplementedError(f"{self.title}: no transmission angle")
 
     # ---------------------------------------------------------------------------------- what moves
@@ -215,7 +208,7 @@ class Linkage(Drive):
     def length(self, poses: RigidPoses) -> Array:
         """Pin-to-pin length (n,) [m]; NaN where the linkage does not close."""
         few, back = self._distinct(poses)
-        end = self.rod_end_from(few, self.observer, ()).position
+        end = self.rod_end_from(few, self.observer, ())
         span = (end - self._motion(few, self.base, self.observer, ())).value
         return np.asarray(np.sqrt(np.einsum("ni,ni->n", span, span))[back])
 
@@ -225,40 +218,41 @@ class Linkage(Drive):
         span = self.span(few)
         return self._scatter(span.dot(span).sqrt(), back)
 
-    def sensitivities(
-        self, poses: RigidPoses, moves: Sequence[Move]
-    ) -> tuple[Actuation, list[Actuation]]:
-        """The actuation, and its exact derivatives by coordinates of places: ∂ℓ = d·∂d/ℓ."""
+    def stepped(self, moves: Sequence[Move], step: float, count: int) -> Self:
+        """The linkage with a complex step along each of k coordinates of places, by row.
+
+        In k·``count`` rows: ``count`` of them for each coordinate. The imaginary part of what is
+        computed from it, over the step, is its exact derivative.
+        """
+        linkage = self
+        for name in dict.fromkeys(name for name, _ in moves):
+            self._refuse_unknown(name)
+            at = np.array([self.place(name)] * len(moves), dtype=complex)
+            for k, (moved, axis) in enumerate(moves):
+                if moved == name:
+                    at[k, axis] += 1j * step
+            linkage = linkage.with_place(name, list(np.repeat(at, count, axis=0).T))
+        return linkage
+
+    def stepped_actuation(
+        self, poses: RigidPoses, moves: Sequence[Move], step: float
+    ) -> Actuation:
+        """The actuation with a complex step along each of k coordinates of places (k·n, …)."""
         few, back = self._distinct(poses)
-        end = self.rod_end_from(few, self.observer, self.joints)
-        span = end.position - self._motion(few, self.base, self.observer, self.joints)
-        length = span.dot(span).sqrt()
-        inverse = length.reciprocal()
-        changes = self._span_derivatives(few, end, moves)
-        slopes = [self._scatter(span.dot(change) * inverse, back) for change in changes]
-        return self._scatter(length, back), slopes
+        span = self.stepped(moves, step, len(few)).span(few.repeated(len(moves)))
+        if not isinstance(back, slice):
+            back = np.add.outer(len(few) * np.arange(len(moves)), back).ravel()
+        return self._scatter(span.dot(span).sqrt(), back)
 
     def span(self, poses: RigidPoses) -> VectorJet:
         """The vector from base pin to rod end, seen from the observer."""
-        end = self.rod_end_from(poses, self.observer, self.joints).position
+        end = self.rod_end_from(poses, self.observer, self.joints)
         return end - self._motion(poses, self.base, self.observer, self.joints)
 
     def ends(self, poses: RigidPoses) -> tuple[Array, Array]:
         """World positions (n, 3) [m] of base pin and rod end."""
-        end = self.rod_end_from(poses, self.observer, ()).position.value
-        return self.point(poses, self.base), end
-
-    def ends_and_slopes(
-        self, poses: RigidPoses, moves: Sequence[Move]
-    ) -> tuple[tuple[Array, Array], list[Array]]:
-        """``ends``, and by each coordinate the derivative (n, 3) of the one end that it moves."""
         end = self.rod_end_from(poses, self.observer, ())
-        of_span = self._span_derivatives(poses, end, moves)
-        slopes = [
-            -slope.value if name == "base" else slope.value
-            for (name, _), slope in zip(moves, of_span, strict=True)
-        ]
-        return (self.point(poses, self.base), end.position.value), slopes
+        return self.point(poses, self.base), end.value
 
     def point(self, poses: RigidPoses, pin: Pin) -> Array:
         """World position (n, 3) [m] of a pin."""
@@ -278,7 +272,7 @@ class Linkage(Drive):
         """
         root = self.arm.root if seen_from is None else seen_from
         joints = tuple(range(len(self.arm.coordinates))) if joints is None else joints
-        end = self.rod_end_from(poses, root, joints).position
+        end = self.rod_end_from(poses, root, joints)
         base = self._motion(poses, self.base, root, joints)
         span = end - base
         along = span * (span.dot(span).sqrt().reciprocal() * length)
@@ -301,19 +295,6 @@ class Linkage(Drive):
     def _distinct(self, poses: RigidPoses) -> tuple[RigidPoses, Array | slice]:
         """Poses at which the length differs, and for every pose which of them has its length."""
         return poses.distinct(self.joints[0]) if len(self.joints) == 1 else (poses, slice(None))
-
-    def _span_derivatives(
-        self, poses: RigidPoses, end: RodEnd, moves: Sequence[Move]
-    ) -> Iterator[VectorJet]:
-        """The span's derivative by each coordinate."""
-        for name, axis in moves:
-            self._refuse_unknown(name)
-            if name == "base":
-                back = -np.eye(3)[axis]
-                link = self.base.link
-                yield self.arm.direction(poses, link, back, self.observer, self.joints)
-            else:
-                yield end.derivative(name, axis)
 
     def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
         """From the linkage's joints to all coordinates of the arm, and ``back`` to all poses."""

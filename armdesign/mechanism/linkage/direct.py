@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.linkage.base import Linkage, Pin, RodEnd
+from armdesign.mechanism.jets import VectorJet
+from armdesign.mechanism.linkage.base import Linkage, Pin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,13 +20,9 @@ class Direct(Linkage):
 
     rod_end: Pin
 
-    def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> RodEnd:
+    def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> VectorJet:
         """The rod end seen from a link, with derivatives by some joints."""
-        own = self.rod_end.link
-        return RodEnd(
-            self._motion(poses, self.rod_end, link, joints),
-            lambda _, axis: self.arm.direction(poses, own, np.eye(3)[axis], link, joints),
-        )
+        return self._motion(poses, self.rod_end, link, joints)
 
     def rod_end_record(self) -> dict[str, Any]:
         """Record of the rod end for compiled code."""

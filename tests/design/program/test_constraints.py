@@ -92,7 +92,7 @@ def expected_slack(
         assert poses is not None
         least = min(
             r.transmission,
-            float(np.arccos(np.abs(problem.machine.linkages[i].transmission(poses)[0]).max())),
+            float(np.arccos(np.abs(problem.machine.linkages[i].transmission(poses)).max())),
         )
         return [math.acos(math.cos(least) - value * math.sin(least) * least) / least - 1]
     share = {

@@ -35,35 +35,41 @@ def test_moment_arms_are_derivatives_of_lengths(machine: ad.Machine) -> None:
 
 
 @pytest.mark.parametrize("place", ["rod_end", *FOUR_BAR])
-def test_sensitivities_are_derivatives_by_every_pin_and_bar(
-    machine: ad.Machine, place: str
-) -> None:
-    """ℓ, r, H and the cosine at the knee against a linkage with one coordinate complex: its step
-    is exact (1e-12).
+def test_steps_are_derivatives_by_every_pin_and_bar(machine: ad.Machine, place: str) -> None:
+    """ℓ, r, H and the cosine at the knee against central differences, whose rounding is 1e-9; of
+    all coordinates of a place at once, and at poses that repeat values of the linkage's joint.
     """
-    poses, step = machine.arm.kinematics(inner_poses(machine, 3)), 1e-30
+    poses, step = machine.arm.kinematics(np.tile(inner_poses(machine, 3), (3, 1))), 1e-30
     for linkage in machine.linkages:
         at = linkage.place(place)
         if at is None:
             with pytest.raises(ValueError, match=place):
-                linkage.sensitivities(poses, [(place, 0)])
+                linkage.stepped_actuation(poses, [(place, 0)], step)
             with pytest.raises(ValueError, match=place):
                 linkage.with_place(place, (0.0, 0.0, 0.0))
             continue
-        for axis in range(len(at)):
-            stepped = linkage.with_place(place, np.array(at) + 1j * step * np.eye(len(at))[axis])
-            length = stepped.span(poses).dot(stepped.span(poses)).sqrt()
-            own = np.array(linkage.joints)
-            _, (exact,) = linkage.sensitivities(poses, [(place, axis)])
-            assert_same(exact.length, length.value.imag / step, 1e-12)
-            assert_same(exact.moment_arm[:, own], length.first.imag / step, 1e-12)
-            assert_same(
-                exact.moment_arm_derivative[:, own][:, :, own], length.second.imag / step, 1e-12
-            )
-            assert np.all(np.delete(exact.moment_arm, own, axis=1) == 0)
-            if linkage.transmission_words:
-                slope = linkage.transmission(poses, [(place, axis)])[1][0]
-                assert_same(slope, stepped.transmission(poses)[0].imag / step, 1e-12)
+        moves = [(place, axis) for axis in range(len(at))]
+        exact = linkage.stepped_actuation(poses, moves, step)
+        shift = 1e-6 * np.eye(len(at))
+        for rows, change in zip(
+            np.split(np.arange(len(exact.length)), len(at)), shift, strict=True
+        ):
+            ends = [linkage.with_place(place, np.array(at) + sign * change) for sign in (1, -1)]
+            known = [end.actuation(poses) for end in ends]
+            for name in ("length", "moment_arm", "moment_arm_derivative"):
+                new, old = (getattr(one, name) for one in known)
+                slope = getattr(exact, name)[rows].imag / step
+                assert_allclose(slope, (new - old) / 2e-6, rtol=1e-6, atol=1e-9)
+            assert_allclose(exact.length[rows].real, linkage.length(poses), rtol=1e-12)
+        if linkage.transmission_words:
+            stepped = linkage.stepped(moves, step, len(poses))
+            slopes = stepped.transmission(poses.repeated(len(at))).imag.reshape(len(at), -1)
+            for slope, change in zip(slopes / step, shift, strict=True):
+                new, old = (
+                    linkage.with_place(place, np.array(at) + sign * change).transmission(poses)
+                    for sign in (1, -1)
+                )
+                assert_allclose(slope, (new - old) / 2e-6, rtol=1e-6, atol=1e-9)
 
 
 def test_a_moved_pin_is_where_it_was_put() -> None:
@@ -99,4 +105,4 @@ def test_the_knee_is_on_its_side_and_at_both_bars() -> None:
         assert np.all(np.sign(turn) == side)
         u, v = -rocker, to_lug - rocker
         angle = np.arccos(np.sum(u * v, axis=1) / bars.rocker / bars.coupler)
-        assert_allclose(np.arccos(bars.transmission(poses)[0]), angle, rtol=1e-9)
+        assert_allclose(np.arccos(bars.transmission(poses)), angle, rtol=1e-9)
