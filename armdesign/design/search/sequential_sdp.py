@@ -58,14 +58,28 @@ class Linearised:
     jacobian: Array
 
     def solve(self, box: Box) -> ProgrammeStep:
-        """The best step within a box.
+        """The best step within a box; entries of x that cannot change are no variables.
+
+        Unless none can: a programme has some.
 
         Raises:
             InfeasibleError: the solver gave up.
         """
-        n, nq = self.base.shape[:2]
-        one = programme(n, nq, len(self.value), len(box[0]))
-        return one.solve(self.base, self.slopes, self.value, self.jacobian, *box)
+        low, high = box
+        free = high > low
+        if not free.any():
+            free[:] = True
+        given = np.where(free, 0.0, low)
+        base = self.base + np.tensordot(given, self.slopes, axes=1)
+        value = self.value + self.jacobian @ given
+        one = programme(*base.shape[:2], len(value), int(free.sum()))
+        step = one.solve(
+            base, self.slopes[free], value, self.jacobian[:, free], low[free], high[free]
+        )
+        change, at_low, at_high = given, np.zeros(len(low)), np.zeros(len(low))
+        change[free], at_low[free] = step.change, step.low_multipliers
+        at_high[free] = step.high_multipliers
+        return replace(step, change=change, low_multipliers=at_low, high_multipliers=at_high)
 
 
 @dataclass(eq=False, kw_only=True)
