@@ -91,31 +91,41 @@ def side_by_side(values: Iterable[Any]) -> Array:
     return np.array(columns) if columns else np.zeros(0)
 
 
-def percentiles(values: Array, weights: Array, percents: Sequence[float] | Array) -> Array:
-    """Percentiles (…, k) of values (…, n) with weights (…, n) ≥ 0, linear between neighbours.
+def percentiles(
+    values: Array, weights: Array, percents: Sequence[float] | Array, groups: Array | None = None
+) -> Array:
+    """Percentiles (k,) of values (n,) with weights (n,) ≥ 0, linear between neighbours.
 
     0 % and 100 % are least and greatest of all values, also of weight zero; equal weights give
     ``np.percentile``, and so do weights that are all zero. Infinite values are allowed.
+
+    Args:
+        values: of which.
+        weights: of the values.
+        percents: (k,) [%].
+        groups: number of the group of each value (n,): percentiles (m, k) of each of the m groups
+            that there are, in ascending order; None: all are one.
     """
-    weights = np.where(weights.any(axis=-1, keepdims=True), weights, 1.0)
-    order = np.argsort(values, axis=-1, kind="stable")
-    values, weights = (np.take_along_axis(each, order, -1) for each in (values, weights))
-    below = np.cumsum(weights, axis=-1) - weights / 2
-    place = below - below[..., :1]
+    group = np.zeros(len(values), dtype=int) if groups is None else groups
+    order = np.lexsort((values, group))
+    values, weights = values[order], weights[order]
+    _, first, which, counts = np.unique(group[order], True, True, True)
+    last = first + counts - 1
+    weights = np.where((np.add.reduceat(weights, first) > 0)[which], weights, 1.0)
+    place = np.cumsum(weights) - weights / 2
     shares = np.asarray(percents, dtype=float) / 100
-    at = shares * place[..., -1:]
-    last = values.shape[-1] - 1
-    above = (place[..., None, :] < at[..., :, None]).sum(axis=-1)
-    after = np.clip(above, min(1, last), last)
-    before = np.maximum(after - 1, 0)
-    near, far = (np.take_along_axis(place, rows, -1) for rows in (before, after))
-    step = far - near
-    part = np.clip((at - near) / np.where(step > 0, step, 1.0), 0.0, 1.0)
+    at = place[first, None] + shares * (place[last] - place[first])[:, None]
+    ends = (np.minimum(first + 1, last)[:, None], last[:, None])
+    after = np.clip(np.searchsorted(place, at), *ends)
+    before = np.maximum(after - 1, first[:, None])
+    step = place[after] - place[before]
+    part = np.clip((at - place[before]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
     mixed = np.zeros_like(at)
     for rows, share in ((before, 1 - part), (after, part)):
-        mixed += np.where(share > 0, np.take_along_axis(values, rows, -1), 0.0) * share
-    ends = np.where(shares < 0.5, values[..., :1], values[..., -1:])
-    return np.where((shares > 0) & (shares < 1), mixed, ends)
+        mixed += np.where(share > 0, values[rows], 0.0) * share
+    extremes = np.where(shares < 0.5, values[first, None], values[last, None])
+    spread = np.where((shares > 0) & (shares < 1), mixed, extremes)
+    return spread[0] if groups is None else spread
 
 
 def weighted_share(flags: Flags, weights: Array) -> float:

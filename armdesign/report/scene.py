@@ -267,15 +267,10 @@ def _worst_of_each(cell: Array, rows: Array, lowest: Array, weights: Array) -> t
         lowest: frequency of each row (n,) [Hz].
         weights: of the rows (n,).
     """
-    order = rows[np.argsort(cell[rows], kind="stable")]
-    _, first, counts = np.unique(cell[order], return_index=True, return_counts=True)
-    worst, spread = np.empty(len(first), dtype=int), np.empty((len(first), len(PERCENTS)))
-    for count in np.unique(counts):  # cells of as many rows at once
-        alike = np.flatnonzero(counts == count)
-        group = order[first[alike, None] + np.arange(count)]
-        worst[alike] = group[np.arange(len(alike)), lowest[group].argmin(axis=1)]
-        spread[alike] = percentiles(lowest[group], weights[group], PERCENTS)
-    return worst, spread
+    order = rows[np.lexsort((lowest[rows], cell[rows]))]
+    _, first = np.unique(cell[order], return_index=True)
+    spread = percentiles(lowest[order], weights[order], PERCENTS, cell[order])
+    return order[first], spread
 
 
 def _drawn_machine(

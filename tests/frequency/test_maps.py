@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import armdesign as ad
 from armdesign import progress
-from armdesign.arrays import chunks, percentiles
+from armdesign.arrays import Array, Flags, chunks, percentiles
 from armdesign.frequency.modes import energy_shares
 from tests import machines
 from tests.frequency.cached import mapped
@@ -197,6 +199,23 @@ def test_weighted_percentiles() -> None:
     assert_allclose(
         percentiles(np.array([1.0, np.inf, np.inf]), np.ones(3), [0, 50, 75]), [1, np.inf, np.inf]
     )
+
+
+def test_percentiles_of_groups_are_those_of_each_alone() -> None:
+    """Equal values, weights of zero, of a whole group too, groups of one, numbers left out."""
+    random = np.random.default_rng(2)
+    groups = random.choice([0, 1, 3, 4, 8], 300, p=[0.5, 0.3, 0.1, 0.09, 0.01])
+    groups[:2] = 9, 11
+    values, weights = np.round(random.normal(size=300), 1), random.integers(0, 3, 300) * 1.0
+    weights[groups == 3] = 0.0
+    values[groups == 4] = np.inf
+    percents = [0, 5, 50, 95, 100]
+    alone = [percentiles(values[rows], weights[rows], percents) for rows in _each(groups)]
+    assert_allclose(percentiles(values, weights, percents, groups), alone, atol=1e-12)
+
+
+def _each(groups: Array) -> Iterator[Flags]:
+    return (groups == number for number in np.unique(groups))
 
 
 def test_a_load_case_that_is_all_edge_counts_its_rows() -> None:
