@@ -180,7 +180,8 @@ class FrequencyMap(ReadOnly):
         Raises:
             PoseError: at the soft end gravity overcomes the trapped oil.
         """
-        return frequency_band(self.machine, self.workspace, Bands.shown(self.machine))
+        bands, nominal = Bands.shown(self.machine), float(self.lowest.min())
+        return frequency_band(self.machine, self.workspace, bands, nominal=nominal)
 
     @property
     def holding_pressures(self) -> Array:
