@@ -1,4 +1,4 @@
-"""Loops in the frequency domain: margins and responses of all controllers at once, compiled.
+"""Loops in the frequency domain: margins and responses of all controllers at once.
 
 The loops are opened at two places, and margins hold at both: at the commands of the valves,
 through which all that a controller asks for passes, and at the position errors, with the pressure
@@ -23,8 +23,8 @@ import numpy as np
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.margins import Room, invert, largest_norm
-from armdesign.simulation.plant.compiled import borrowing, within
+from armdesign.control.margins import Room, invert, largest_norms
+from armdesign.simulation.plant.compiled import within
 
 HALF = math.sqrt(0.5)  # −3 dB
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
@@ -111,22 +111,32 @@ class Loops(ReadOnly):
 
     def figures(self, controller: Controller) -> LoopFigures:
         """Margins, bandwidths and peaks of the closed loops; 0 at poses without gains."""
-        n, nq = len(self.omega), self.positions.shape[2]
-        shapes = n, n, (n, nq), (n, nq), (n, nq), n
-        figures = LoopFigures._make(np.zeros(shape) for shape in shapes)
-        nc, count = self.positions.shape[3], len(self.omega.T)
-        S_c, S = (np.empty((count, m, m), complex) for m in (nc, nq))
-        _write_figures(
-            self.arguments(controller),
-            self.omega,
-            LoopRoom.of(self),
-            S_c,
-            S,
-            np.empty((2, nq)),
-            figures,
+        gains = controller.position[:, None]
+        S_c = np.linalg.inv(self.returned(controller))
+        closed = self.positions @ S_c @ self.moment_arms[:, None]  # P (I + L_c)⁻¹ R
+        S = np.eye(gains.shape[-1]) - closed * gains[..., None, :]
+        own, moved = (np.diagonal(each, axis1=2, axis2=3) for each in (S, closed))
+        asked = moved * (gains + 1j * self.omega[..., None])
+        figures = LoopFigures(
+            command_margin=1 / largest_norms(S_c - 0.5 * np.eye(S_c.shape[-1])),
+            position_margin=1 / largest_norms(S - 0.5 * np.eye(S.shape[-1])),
+            loop_margins=1 / np.abs(own - 0.5).max(axis=1),
+            bandwidth=self._bandwidths(np.abs(1 - own)),
+            command_bandwidth=self._bandwidths(np.abs(asked)),
+            peak=largest_norms(S),
         )
-        closed = controller.position.all(axis=1)
-        return LoopFigures(*((values.T * closed).T for values in figures))
+        closing = controller.position.all(axis=1)
+        return LoopFigures(*((values.T * closing).T for values in figures))
+
+    def _bandwidths(self, sizes: Array) -> Array:
+        """Where responses of these sizes (n, f, nq) fall below −3 dB first (n, nq) [rad/s]."""
+        widths = np.repeat(self.omega[:, -1:], sizes.shape[2], axis=1)
+        first = (sizes < HALF).argmax(axis=1)
+        for pose, i in np.argwhere((sizes < HALF).any(axis=1)):
+            f = first[pose, i]
+            last = sizes[pose, max(f - 1, 0), i]
+            widths[pose, i] = crossing(self.omega[pose], f, last, sizes[pose, f, i])
+        return widths
 
     def arguments(self, controller: Controller) -> LoopArguments:
         """These loops with copies of their controllers' gains, for compiled code."""
@@ -246,60 +256,3 @@ def halve(room: LoopRoom, half: float) -> None:
         room.S_c[i, i] -= half
     for i in range(len(room.S)):
         room.S[i, i] -= half
-
-
-@borrowing
-def _write_figures(
-    loops: LoopArguments,
-    omega: Array,
-    room: LoopRoom,
-    S_c: Array,
-    S: Array,
-    last: Array,
-    figures: LoopFigures,
-) -> None:
-    count, nq = S.shape[:2]
-    for pose in range(len(omega)):
-        for i in range(nq):
-            last[0, i] = last[1, i] = 1.0
-            figures.bandwidth[pose, i] = figures.command_bandwidth[pose, i] = 0.0
-            figures.loop_margins[pose, i] = np.inf
-        for f in range(count):
-            close_loops(loops, pose, f, room)
-            for i in range(nq):
-                track = room.closed[i, i] * (loops.gains[pose, i] + 1j * omega[pose, f])
-                followed = size_of(room, i)
-                _cross(omega[pose], f, followed, last[0], figures.bandwidth[pose], i)
-                widths = figures.command_bandwidth[pose]
-                _cross(omega[pose], f, abs(track), last[1], widths, i)
-                both = abs(room.S[i, i] - 0.5)
-                figures.loop_margins[pose, i] = min(figures.loop_margins[pose, i], 1 / both)
-            _keep(room.S, S, f)
-            halve(room, 0.5)
-            _keep(room.S_c, S_c, f)
-        figures.peak[pose] = largest_norm(S, room.position)
-        figures.command_margin[pose] = 1 / largest_norm(S_c, room.command)
-        for f in range(count):
-            for i in range(nq):
-                S[f, i, i] -= 0.5
-        figures.position_margin[pose] = 1 / largest_norm(S, room.position)
-        for i in range(nq):
-            for widths in (figures.bandwidth[pose], figures.command_bandwidth[pose]):
-                if widths[i] == 0.0:
-                    widths[i] = omega[pose, count - 1]
-
-
-@within
-def _keep(matrix: Array, matrices: Array, f: int) -> None:
-    """Write a matrix (m, m) among those of all frequencies (f, m, m)."""
-    for i in range(len(matrix)):
-        for j in range(len(matrix)):
-            matrices[f, i, j] = matrix[i, j]
-
-
-@within
-def _cross(omega: Array, f: int, size: float, last: Array, widths: Array, i: int) -> None:
-    """Write where the response of loop i, of this size at frequency f, falls below −3 dB first."""
-    if widths[i] == 0.0 and size < HALF:
-        widths[i] = crossing(omega, f, last[i], size)
-    last[i] = size

@@ -24,7 +24,7 @@ from armdesign.simulation.plant.compiled import within
 from armdesign.units import deg
 
 SWEEPS = 4  # of the balancing
-TOLERANCE = 1e-13  # of a squared norm
+TINY = 1e-300  # of a squared norm, so that a row of zeros balances
 GAIN_MARGIN_DB, PHASE_MARGIN = 6.0, 45 * deg  # customary
 
 
@@ -79,51 +79,39 @@ class Room(NamedTuple):
         return cls(square, lower, balanced, np.empty((m + 2, m)))
 
 
-@within
-def balanced_norm(matrix: Array, floor: float, room: Room) -> float:
-    """μ(X) of one matrix, or ``floor`` where that is larger."""
-    if not exceeds(matrix, floor, room):
-        return floor
-    low, high = floor * floor, 0.0  # of the squared norm, the largest eigenvalue of Y Yᴴ
-    for i in range(len(matrix)):
-        high += room.square[i, i].real
-    while high - low > TOLERANCE * high:
-        middle = 0.5 * (low + high)
-        if _log_pivots(room, middle) == -math.inf:
-            low = middle
-        else:
-            high = middle
-    return math.sqrt(high)
+def structured_norms(matrices: Array) -> Array:
+    """μ(X) (n,) of matrices (n, m, m)."""
+    size = matrices.shape[-1]
+    squares = matrices.real**2 + matrices.imag**2
+    scale = np.ones(matrices.shape[:2])  # D²
+    for _ in range(SWEEPS if size > 1 else 0):
+        for i in range(size):
+            row, column = squares[:, i] / scale, squares[:, :, i] * scale
+            row[:, i] = column[:, i] = TINY
+            scale[:, i] = np.sqrt(column.sum(axis=1) / row.sum(axis=1))  # row × d = column / d
+    d = np.sqrt(scale)
+    balanced = matrices * (d[:, :, None] / d[:, None])
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(_squared(balanced))[:, -1]))
 
 
-@within
-def largest_norm(matrices: Array, room: Room) -> float:
-    """The largest μ(X) of matrices (f, m, m)."""
-    worst, most = 0, 0.0
-    for f in range(len(matrices)):
-        squares = squared_norm(matrices[f])
-        if squares > most:
-            worst, most = f, squares
-    norm = balanced_norm(matrices[worst], 0.0, room)  # hardly any other exceeds it
-    for f in range(len(matrices)):
-        norm = balanced_norm(matrices[f], norm, room)
-    return norm
+def largest_norms(matrices: Array) -> Array:
+    """The largest μ(X) (n,) of matrices (n, f, m, m)."""
+    bounds = np.sqrt(np.abs(_squared(matrices)).sum(axis=3).max(axis=2))  # μ² ≤ σ² ≤ ‖X Xᴴ‖∞
+    worst = bounds.argmax(axis=1)
+    largest = structured_norms(matrices[range(len(worst)), worst])
+    row, f = np.nonzero(bounds > largest[:, None])  # few others can exceed it
+    np.maximum.at(largest, row, structured_norms(matrices[row, f]))
+    return largest
 
 
-@within
-def exceeds(matrix: Array, limit: float, room: Room) -> bool:
-    """Whether μ(X) of a matrix exceeds a limit; if so Y Yᴴ of the balanced Y is in the room."""
-    if squared_norm(matrix) <= limit * limit:  # μ ≤ σ_max ≤ Frobenius norm
-        return False
-    return log_room(matrix, limit, room) == -math.inf
+def _squared(matrices: Array) -> Array:
+    """X Xᴴ of matrices (..., m, m)."""
+    return np.asarray(matrices @ np.swapaxes(matrices, -1, -2).conj())
 
 
 @within
 def log_room(matrix: Array, limit: float, room: Room) -> float:
-    """How far μ(X) is below a limit: log det(I − Y Yᴴ/limit²) of the balanced Y; −∞ if above.
-
-    Y Yᴴ is in the room then.
-    """
+    """How far μ(X) is below a limit: log det(I − Y Yᴴ/limit²) of the balanced Y; −∞ if above."""
     m, squares = len(matrix), room.squares
     scale, over = squares[m], squares[m + 1]
     for i in range(m):
@@ -132,7 +120,7 @@ def log_room(matrix: Array, limit: float, room: Room) -> float:
             squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
-            row, column = 1e-300, 1e-300
+            row, column = TINY, TINY
             for j in range(m):
                 if j != i:
                     row += squares[i, j] * over[j]

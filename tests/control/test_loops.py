@@ -153,6 +153,20 @@ def test_poses_at_which_no_controller_works() -> None:
     assert not workable(weak, weak.at(WORST)).any()
 
 
+def test_poses_without_gains_have_figures_of_0() -> None:
+    """Of one among others, whose figures are those it has alone."""
+    plant = many_plants()
+    loops, position = Loops.of(plant), np.full((len(plant), 3), 0.1)
+    position[1:] = 0.0
+    controller = Controller(
+        position=position, pressure=np.zeros_like(position), corner=np.full(len(plant), 2.0)
+    )
+    alone = loops[:1].figures(controller[np.array([0])])
+    for values, one in zip(loops.figures(controller), alone, strict=True):
+        np.testing.assert_array_equal(values[1:], 0.0)
+        np.testing.assert_allclose(values[:1], one, rtol=1e-12)
+
+
 def test_damping_that_is_none() -> None:
     machine = ad.load("paper_1dof")
     poses = machine.at([0.0])
