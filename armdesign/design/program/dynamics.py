@@ -15,6 +15,7 @@ import numpy as np
 from armdesign.arrays import Array, congruent, remembered
 from armdesign.design.program.corners import Corners, Pistons
 from armdesign.design.program.design_vector import ChosenLengths, DesignVector, Geometry
+from armdesign.design.program.fixed_terms import FixedPins, OwnJoints
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.lowest_eigenvalues import lowest
 from armdesign.design.program.moving_masses import InertiaAndGravity, MomentsOf, MovingMasses
@@ -25,26 +26,6 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import own_forces, static_forces
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.carried_bars import M, first_of_bar, of_bar, weighed
-
-
-@dataclass(frozen=True, eq=False)
-class FixedPins:
-    """All rows of a problem in which only areas vary and static forces do not depend on them.
-
-    Lengths and static forces (n, nc); and with M = L Lᵀ the moment arms L⁻¹r (n, nc, nq) and
-    L⁻¹K L⁻ᵀ without oil (n, nq, nq).
-    """
-
-    length: Array
-    forces: Array
-    scaled_arm: Array
-    scaled_rest: Array
-
-    def omega_squared(self, rows: Array | slice, oil: Array) -> Array:
-        """Lowest ω² (n,) [rad²/s²] of rows with the stiffness (n, nc) [N/m] of their oil."""
-        arm = self.scaled_arm[rows]
-        oil_stiffness = np.swapaxes(arm, 1, 2) @ (arm * oil[:, :, None])
-        return lowest(self.scaled_rest[rows] + oil_stiffness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +216,9 @@ class Dynamics:
             pistons = self._pistons(x, length, forces)
             oil = self.corners.stiffness(self.rows.corner[rows], pistons)
             return fixed.omega_squared(rows, oil), forces
+        if (joints := self._fixed_joints) is not None:
+            diagonal, forces = self._own_diagonal(x, rows, self.rows.gravity[rows])
+            return joints.omega_squared(rows, diagonal), forces
         matrix, mass, forces = self._stiffness_and_mass(x, rows)
         lower = self.inverse_cholesky_of(mass, rows)
         return lowest(congruent(lower, matrix)), forces
@@ -295,6 +279,16 @@ class Dynamics:
         forces = self.static_forces(arm, self.rows.gravity, self.vector.areas_today)
         fixed_stiffness = self.rows.slope - np.einsum("nc,ncij->nij", forces, g.curve[pose])
         return FixedPins(g.length[pose], forces, arm @ turned, congruent(lower, fixed_stiffness))
+
+    @cached_property
+    def _fixed_joints(self) -> OwnJoints | None:
+        """Terms that pins leave alone too; None where masses vary, or joints share actuators."""
+        if self.origin is not None:
+            return self.origin._fixed_joints
+        moved = self.vector.moving_masses is not None or self.corners.emphasis is not None
+        if moved or self.vector.own_joints is None:
+            return None
+        return OwnJoints.of(self._fixed_inverse_cholesky, self.rows.slope)
 
     def _geometry(self, x: Array, poses: Array) -> Geometry:
         """Geometry at some of the workspace's poses."""
@@ -393,8 +387,9 @@ class Dynamics:
     def _stiffness_and_mass(self, x: Array, rows: Array | slice) -> tuple[Array, Array, Array]:
         """K and M (n, nq, nq) and static forces (n, nc) [N] of rows."""
         mass, gravity, slope = self.inertia_and_gravity(x, self.rows, rows)
-        if (own := self.vector.own_joints) is not None and self.vector.moving:
-            stiffness, forces = self._own_stiffness(x, rows, gravity, own)
+        if self.vector.own_joints is not None and self.vector.moving:
+            diagonal, forces = self._own_diagonal(x, rows, gravity)
+            stiffness = np.einsum("nj,jk->njk", diagonal, np.eye(diagonal.shape[1]))
             return self._emphasis(x, rows) * (stiffness + slope), mass, forces
         g = self._geometry(x, self.rows.pose[rows])
         forces = self.static_forces(g.arm, gravity, self.vector.areas(x))
@@ -402,17 +397,15 @@ class Dynamics:
         stiffness = self.actuator_stiffness(self.rows.corner[rows], g, pistons)
         return self._emphasis(x, rows) * (stiffness + slope), mass, forces
 
-    def _own_stiffness(
-        self, x: Array, rows: Array | slice, gravity: Array, own: Array
-    ) -> tuple[Array, Array]:
-        """``actuator_stiffness`` and static forces where actuators have joints of their own."""
-        corner = self.rows.corner[rows]
+    def _own_diagonal(self, x: Array, rows: Array | slice, gravity: Array) -> tuple[Array, Array]:
+        """Diagonal (n, nq) of K without gravity's share, and static forces, by ``own_joints``."""
+        own, corner = self.vector.own_joints, self.rows.corner[rows]
         g = self._at(self.vector.own_geometry, x, self.rows.pose[rows])
         forces = own_forces(g.arm, gravity[:, own])
         oil = self.corners.stiffness(corner, self._pistons(x, g.length, forces))
-        stiffness = np.zeros((len(forces), len(own), len(own)))
-        stiffness[:, own, own] = g.arm * (g.arm * oil) - forces * g.curve
-        return stiffness, forces
+        diagonal = np.empty_like(forces)
+        diagonal[:, own] = g.arm * (g.arm * oil) - forces * g.curve
+        return diagonal, forces
 
     def _emphasis(self, x: Array, rows: Array | slice) -> Array | float:
         """By how much more stiffness counts at x than where the emphasis was found (n, 1, 1)."""

@@ -59,6 +59,17 @@ def test_lowest_eigenvalues_of_many_matrices(near: float) -> None:
     assert_same(np.sort(actual)[:EXACT], np.sort(expected)[:EXACT], 1e-14)
 
 
+@pytest.mark.parametrize("size", [1, 2, 4])
+def test_lowest_eigenvalues_of_other_sizes(size: int) -> None:
+    """By LAPACK's routine for matrices of any kind; 0 where one is not finite."""
+    half = np.random.default_rng(2).normal(size=(9, size, size))
+    matrices = half + np.swapaxes(half, 1, 2)
+    expected = np.linalg.eigvals(matrices).real.min(axis=1)
+    matrices[3, 0, size - 1], expected[3] = np.inf, 0.0
+    matrices[3, size - 1, 0] = np.inf
+    assert_same(lowest(matrices), expected, 1e-12)
+
+
 def test_chosen_lengths_leave_rows_and_todays_frequencies_alone() -> None:
     """They change the strokes of x, but neither inertia nor what ω² is measured by."""
     problem = problem_of("excavator")
