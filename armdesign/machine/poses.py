@@ -196,6 +196,8 @@ def own_forces(moment_arms: Array, gravity: Array) -> Array:
 def _next_to_dead_centre(moment_arms: Array) -> Flags:
     """``is_singular`` (…,) of cylinders on joints of their own: their arms are singular values."""
     size = np.abs(np.real(moment_arms))
+    if size.min(initial=np.inf) >= DEAD_CENTRE and size.max(initial=0.0) < np.inf:
+        return np.zeros(size.shape[:-1], dtype=bool)
     return np.asarray(~((size >= DEAD_CENTRE) & (size < np.inf)).all(axis=-1))
 
 
