@@ -305,12 +305,12 @@ def _clear_distance(new: Candidate, reference: Reference, part: Clearance, i: in
     """
     poses, turn, origin = _poses_between(reference.today, part, i)
     length, polygon = (new.closed[:, i] + new.stroke[:, i]) / 2, np.array(part.points)
-    base, end = new.span(i, poses)
     # which poses count depends on no steps, nor what is nearest there
-    start, tip = _barrel(turn, origin, base[:1].real, end[:1].real, length[:1].real)
+    base, end = new.linkages[i].ends(poses)
+    start, tip = _barrel(turn, origin, base[None], end[None], length[:1].real)
     contact = _contact(start[0], tip[0], polygon)
     few = np.argsort(contact.square)[:NEAREST]
-    start, tip = _barrel(turn[few], origin[few], base[:, few], end[:, few], length)
+    start, tip = _barrel(turn[few], origin[few], *new.span(i, poses[few]), length)
     free = contact.at(few).distance(start, tip, polygon)
     wall, pressure = new.machine.cylinders[i].barrel_wall, new.machine.supply.pressure
     radius = barrel_outer(diameters(new, i)[0], wall, pressure) / 2
