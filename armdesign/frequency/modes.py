@@ -15,7 +15,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array, Flags, ReadOnly, chunks, congruent, stacked
+from armdesign.arrays import (
+    Array,
+    Flags,
+    ReadOnly,
+    chunks,
+    components_first,
+    congruent,
+    poses_first,
+    product,
+    stacked,
+)
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.short_repr import short_repr
@@ -87,7 +97,7 @@ def _natural_modes(poses: Poses) -> Modes:
         rigid = hertz(poses.oil_stiffness / equivalent_mass)
     return Modes(
         frequencies=hertz(squared),
-        shapes=np.swapaxes(inverse, 1, 2) @ vectors,
+        shapes=product(np.swapaxes(inverse, 1, 2), vectors),
         locked_frequencies=_locked(poses, mass, stiffness),
         rigid_frequencies=rigid,
     )
@@ -125,7 +135,7 @@ def energy_shares(poses: Poses, modes: Modes) -> Array:
     The energy of actuator i is k_i (r_i·v)², of spring j κ_j z_j². What has the largest share in
     the lowest mode limits the pose: where it is a spring, no cylinder can help.
     """
-    energy = poses.oil_stiffness[:, :, None] * (poses.moment_arms @ modes.shapes) ** 2
+    energy = poses.oil_stiffness[:, :, None] * product(poses.moment_arms, modes.shapes) ** 2
     yielding = modes.shapes[:, poses.q.shape[1] :]
     energy = np.concatenate([energy, poses.spring_stiffness[:, :, None] * yielding**2], axis=1)
     return np.asarray(np.swapaxes(energy / energy.sum(axis=1, keepdims=True), 1, 2))
@@ -137,12 +147,18 @@ def inverse_cholesky(mass: Array) -> Array:
     Raises:
         PoseError: M is not positive definite (a massless joint without payload).
     """
-    try:
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(mass)))
-    except np.linalg.LinAlgError:
-        fault = "is not positive definite: a joint moves no mass, or hardly any beside another"
-        remedy = "give its links inertia, or a load of their order"
-        raise PoseError("mass matrix", fault, remedy) from None
+    k = mass.shape[-1]
+    unit = np.broadcast_to(np.eye(k)[..., None], (k, k, len(mass)))
+    rows = np.concatenate([components_first(mass), unit], axis=1)  # [M 1] → [Lᵀ L⁻¹] by rows
+    for j in range(k):
+        if not (rows[j, j] > 0).all():
+            fault = "is not positive definite: a joint moves no mass, or hardly any beside another"
+            remedy = "give its links inertia, or a load of their order"
+            raise PoseError("mass matrix", fault, remedy)
+        row = rows[j, j : k + j + 1]
+        row /= np.sqrt(row[0])
+        rows[j + 1 :, j : k + j + 1] -= row[1 : k - j, None] * row
+    return poses_first(rows[:, k:])
 
 
 def hertz(squared: Numbers) -> Numbers:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags, ReadOnly, side_by_side
+from armdesign.arrays import Array, Flags, ReadOnly, product, side_by_side
 from armdesign.errors import PoseError, TopplingError
 from armdesign.mechanism.joint_ranges import DEAD_CENTRE
 from armdesign.mechanism.linkage.base import Linkage
@@ -99,7 +99,7 @@ class Poses(ReadOnly):
     def hydraulic_stiffness(self) -> Array:
         """Rᵀ diag(k_h) R (n, k, k)."""
         weighted = self.moment_arms * self.oil_stiffness[:, :, None]
-        return np.asarray(np.swapaxes(self.moment_arms, 1, 2) @ weighted)
+        return product(np.swapaxes(self.moment_arms, 1, 2), weighted)
 
     @cached_property
     def geometric_stiffness(self) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, product
 from armdesign.mechanism.jets import VectorJet
 from armdesign.units import GRAVITY
 
@@ -16,7 +16,7 @@ def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, 
     inertia = gravity = slope = np.zeros(())
     for mass, p in points:
         m = np.reshape(mass, (-1, 1, 1))  # one mass, or one for each row
-        inertia = inertia + m * (p.first @ np.swapaxes(p.first, 1, 2))
+        inertia = inertia + m * product(p.first, np.swapaxes(p.first, 1, 2))
         gravity = gravity + m[..., 0] * GRAVITY * p.first[:, :, 2]
         slope = slope + m * GRAVITY * p.second[:, :, :, 2]
     return inertia, gravity, slope

@@ -16,6 +16,8 @@ from numpy.testing import assert_allclose
 from scipy.linalg import eigh, null_space
 
 import armdesign as ad
+from armdesign.errors import PoseError
+from armdesign.frequency.modes import inverse_cholesky
 from armdesign.units import GRAVITY
 from tests.checks import assert_same
 from tests.machines import (
@@ -293,3 +295,21 @@ def test_cylinders_must_hold_every_motion() -> None:
     for names in ("a", "ab"):
         with pytest.raises(ad.ArmDesignError, match="leave a direction of motion free"):
             build([BOOM, STICK], [CylinderSpec(name, *long) for name in names])
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 7])
+def test_in_the_frame_of_modes_the_inertia_is_one(k: int) -> None:
+    """Within what rounding leaves of inertias that differ by 1e10 (1e10 × 2e-16, some times)."""
+    root = np.random.default_rng(k).normal(size=(50, k, k)) * np.logspace(0, -4.5, k)
+    mass = root @ np.swapaxes(root, 1, 2) + 1e-10 * np.eye(k)
+    inverse = inverse_cholesky(mass)
+    assert np.array_equal(inverse, np.tril(inverse))
+    one = np.broadcast_to(np.eye(k), mass.shape)
+    assert_allclose(inverse @ mass @ np.swapaxes(inverse, 1, 2), one, atol=2e-5)
+
+
+@pytest.mark.parametrize("mass", [[[1.0, 1.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, -1.0]], [[0.0]]])
+def test_one_pose_without_inertia_is_refused(mass: list[list[float]]) -> None:
+    one = np.array(mass)
+    with pytest.raises(PoseError, match="not positive definite"):
+        inverse_cholesky(np.stack([np.eye(len(one)), one]))
