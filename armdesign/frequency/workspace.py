@@ -219,6 +219,7 @@ class Workspace(ReadOnly):
         Those of a large workspace are not kept in memory. ``what`` names the work in the progress
         bar.
         """
+        self.machine.arm.load()
         known = self.rigid if len(self) <= KEPT else None
 
         def part(rows: slice) -> T:

@@ -44,6 +44,7 @@ from armdesign.mechanism.point_masses import of_points, points_of_bar
 from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
 from armdesign.short_repr import machine_repr
+from armdesign.threads import in_threads
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
@@ -371,8 +372,9 @@ class Machine:
             (3, 1, 1) [0.587 0.522 0.448]
         """
         q = q if isinstance(q, RigidPoses) else joint_positions(self, q)
-        chunked = (self._reachable(q[rows]) for rows in with_bar(chunks(len(q)), len(q), "poses"))
-        return stacked(chunked, len(q))
+        self.arm.load()
+        slices = with_bar(chunks(len(q)), len(q), "poses")
+        return stacked(in_threads(lambda rows: self._reachable(q[rows]), slices), len(q))
 
     def _reachable(self, q: RigidPoses | Array) -> Poses:
         poses = self.evaluate(q if isinstance(q, RigidPoses) else self.arm.rigid_poses(q))

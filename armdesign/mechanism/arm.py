@@ -26,6 +26,7 @@ from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.parallel_joints import turning_alike
 from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf import read_urdf, rotated, turned
+from armdesign.threads import in_threads
 from armdesign.transaction import undisturbed
 
 
@@ -382,9 +383,15 @@ class Arm:
         """What each joint moves before the next."""
         return Bodies.of(self._model, self.coordinates)
 
+    def load(self) -> None:
+        """Load Pinocchio and its model before threads ask: there Ctrl-C might disturb it."""
+        _ = self._bodies
+
     def rigid_poses(self, q: Array) -> RigidPoses:
         """Inertia, gravity, its derivative and placements of the bare links at q (n, nq)."""
-        return stacked((self._rigid_poses(q[rows]) for rows in chunks(len(q))), len(q))
+        self.load()
+        parts = in_threads(lambda rows: self._rigid_poses(q[rows]), chunks(len(q)))
+        return stacked(parts, len(q))
 
     def _rigid_poses(self, q: Array) -> RigidPoses:
         placements = self.placements(q)
