@@ -99,9 +99,12 @@ def in_chunks(
     """
 
     def at_all(rows: slice, rigid: RigidPoses) -> list[tuple[CasePoses, T]]:
+        def at(some: Array) -> RigidPoses:
+            return rigid if len(some) == len(rigid) else rigid[some]
+
         chosen = ((case, np.flatnonzero(case.exists[rows])) for case in cases)
         return [
-            (case, work(case, scaled_links(rigid[some], case.link_share)))
+            (case, work(case, scaled_links(at(some), case.link_share)))
             for case, some in chosen
             if len(some)
         ]
