@@ -15,7 +15,9 @@ Numbers: TypeAlias = Any  # a number or an array, or an interval where a bound i
 Flags: TypeAlias = NDArray[np.bool_]
 T = TypeVar("T")
 
-CHUNK = 4_096  # poses whose intermediate arrays stay in a cache; small beside those of a million
+# poses: few enough for caches, enough that threads seldom wait for Python; a power of two would
+# put all components of a matrix onto the same lines of a cache
+CHUNK = 8_000
 
 
 class ReadOnly:
