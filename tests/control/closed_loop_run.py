@@ -4,9 +4,10 @@ The plant starts at rest but for a small swing in one mode λ of the linear clos
 eigenvector v, left w and w·v = 1. The modal coordinate a = w·(x − x₀) of the nonlinear run then
 follows e^{λt} as far as the linear model holds, which gives frequency and damping. What spools of
 uneven sides make of λ is in ``uneven_spools``; while the swing lasts, position loops answer the
-mean speed of the pistons, so that λ is a mean over the run too. Dry friction, which has no
-derivative at standstill, is left out, as in the linear model, and so are leaks of seals in good
-order, which damp by less than 10⁻³ but let the arm creep past so small a swing.
+mean speed of the pistons, so that λ changes on the way: frequency and damping of the predicted
+swing are found as those of the nonlinear one, so that the same times weigh alike. Dry friction,
+which has no derivative at standstill, is left out, as in the linear model, and so are leaks of
+seals in good order, which damp by less than 10⁻³ but let the arm creep past so small a swing.
 """
 
 from __future__ import annotations
@@ -56,18 +57,29 @@ class ClosedLoopRun(ReadOnly):
     Attributes:
         time: (n,) [s].
         amplitude: modal coordinate over that at the start (n,), complex.
+        predicted: the same as uneven spools are predicted to make it (n,), complex.
         pole: of the linear closed loop [rad/s].
-        predicted: its mean over the run with uneven spools [rad/s].
     """
 
     time: Array
     amplitude: Array
+    predicted: Array
     pole: complex
-    predicted: complex
 
     @cached_property
     def nonlinear_pole(self) -> complex:
-        """λ of A e^{λt} + B + C t, fitted to the modal coordinate [rad/s].
+        """λ of the nonlinear run [rad/s]."""
+        return self._fitted(self.amplitude)
+
+    @cached_property
+    def damping_ratios(self) -> tuple[float, float]:
+        """Of the nonlinear run, and as predicted."""
+        poles = self.nonlinear_pole, self._fitted(self.predicted)
+        first, second = (-pole.real / abs(pole) for pole in poles)
+        return first, second
+
+    def _fitted(self, amplitude: Array) -> complex:
+        """λ of A e^{λt} + B + C t, fitted to a modal coordinate (n,) [rad/s].
 
         The line is the drift of pressures that valves open to one side leave behind.
         """
@@ -76,17 +88,10 @@ class ClosedLoopRun(ReadOnly):
         def residual(x: Array) -> Array:
             swing = np.exp((x[0] + 1j * x[1]) * self.time)
             basis = np.stack([swing, np.ones_like(swing), self.time + 0j], axis=1)
-            terms = np.linalg.lstsq(basis, self.amplitude, rcond=None)[0]
-            return (self.amplitude - basis @ terms).view(float)
+            terms = np.linalg.lstsq(basis, amplitude, rcond=None)[0]
+            return (amplitude - basis @ terms).view(float)
 
         return complex(*least_squares(residual, [self.pole.real, self.pole.imag]).x)
-
-    @property
-    def damping_ratios(self) -> tuple[float, float]:
-        """Of the nonlinear run, and as predicted."""
-        poles = self.nonlinear_pole, self.predicted
-        first, second = (-pole.real / abs(pole) for pole in poles)
-        return first, second
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,18 +225,15 @@ def closed_loop_run(
     return ClosedLoopRun(
         time=time[counts] - time[counts][0],
         amplitude=amplitude / amplitude[0],
+        predicted=_predicted(loops, controller, (pole, right, left), time[counts]),
         pole=pole,
-        predicted=_averaged(loops, controller, (pole, right, left), (time[counts][0], time[-1])),
     )
 
 
-def _averaged(
-    loops: LoopPlant,
-    controller: Controller,
-    mode: tuple[complex, Array, Array],
-    span: tuple[float, float],
-) -> complex:
-    """Mean over a span [s] of the pole of a swing that begins at 0, with uneven spools.
+def _predicted(
+    loops: LoopPlant, controller: Controller, mode: tuple[complex, Array, Array], time: Array
+) -> Array:
+    """A swing with uneven spools that begins at 0, at later times (n,) [s], over the first there.
 
     A swing a with demands |v_i| |a| moves the pistons by w = |v| |a| W(b) in the mean, b_i = d_i/
     (|v_i| |a|); joints drift by R⁻¹ w, and position loops demand d = −R K R⁻¹ ∫ w dt. So
@@ -242,7 +244,7 @@ def _averaged(
     """
     pole, right, left = mode
     if not lasts(np.array(pole)):
-        return pole
+        return np.exp(pole * (time - time[0]))
     ns, nc = loops.B.shape[1:]
     omega, spools = np.array([[abs(pole.imag)]]), right[ns : ns + nc]
     size = np.abs(spools / loops.spool(1j * omega)[0, 0])
@@ -258,9 +260,9 @@ def _averaged(
             [*(-answer @ (size * speed) / size - now.real * x[:nc]), now.real, now.imag]
         )
 
-    run = solve_ivp(rates, (0.0, span[1]), np.zeros(nc + 2), t_eval=span, rtol=1e-5, atol=1e-8)
-    real, imaginary = np.diff(run.y[nc:], axis=1)[:, 0] / (span[1] - span[0])
-    return complex(real, imaginary)
+    begin, end = np.zeros(nc + 2), time[-1]
+    run = solve_ivp(rates, (0.0, end), begin, t_eval=time, rtol=1e-5, atol=1e-8).y[nc:]
+    return np.exp(run[0] - run[0, 0] + 1j * (run[1] - run[1, 0]))
 
 
 def _arm(

@@ -67,7 +67,7 @@ def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
                 nonlinear, predicted = run.damping_ratios
                 assert predicted > 0
                 assert nonlinear == pytest.approx(predicted, rel=0.1)
-                left = abs(np.exp(run.predicted * run.time[-1]))  # and what drifts
+                left = abs(run.predicted[-1])  # and what drifts
                 assert abs(run.amplitude[-1]) < 0.05 + left
             tried += 1
             factor = critical_factor(loop_plant(machine, machine.at(q)), controller)[0]
@@ -85,7 +85,7 @@ def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
 
 @pytest.mark.slow
 def test_fast_swings_that_last_have_answered_their_mean() -> None:
-    """Modes above twice the valve's frequency: within 5 % in three periods and in a hundred."""
+    """Modes above twice the valve's frequency: within 1 % in six periods and in a hundred."""
     machine, tried = loaded("loader_crane"), 0
     for q in poses_of(machine, 4 * POSES):
         controller = controllers_at(machine, q)[-2]  # own gains with pressure feedback
@@ -95,9 +95,9 @@ def test_fast_swings_that_last_have_answered_their_mean() -> None:
             continue
         smaller = closed_loop_run(machine, q, controller, swing=1e-4)
         assert smaller.damping_ratios[0] == pytest.approx(first, rel=0.01)
-        assert first == pytest.approx(predicted, rel=0.05)
+        assert first == pytest.approx(predicted, rel=0.01)
         long = closed_loop_run(machine, q, controller, periods=100)
-        assert long.damping_ratios[0] == pytest.approx(long.damping_ratios[1], rel=0.05)
+        assert long.damping_ratios[0] == pytest.approx(long.damping_ratios[1], rel=0.01)
         tried += 1
     assert tried > POSES
 
