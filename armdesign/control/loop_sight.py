@@ -168,15 +168,15 @@ def _write_seen(sight: Sight, poses: Array, gains: Array, seen: Seen) -> None:
                 continue
             close_loops(loops, pose, f, room.loop)
             if turn < count:
-                counts = _add_room(sight, f, seen, row)
+                counts = _add_room(room, f, sight.limit, sight.near, seen, row)
             else:
-                counts = _write_size(turn - count, room)
+                counts = _write_size(turn - count, room.loop.S, room.sizes, room.slopes)
             if seen.rooms[row] == -math.inf:
                 sight.worst[pose] = f
                 break
             if counts:
                 write_gain_slopes(loops, pose, f, room.loop, room.slopes, room.by_gains)
-                _keep_slopes(turn - count, room, seen, row)
+                _keep_slopes(turn - count, room.by_gains, room.by_sizes, seen, row)
         if seen.rooms[row] > -math.inf:
             _write_logs(sight.omega[pose], room, seen, row)
 
@@ -191,19 +191,20 @@ def _frequency(turn: int, count: int, first: int, crossed: Array) -> int:
 
 
 @within
-def _add_room(sight: Sight, f: int, seen: Seen, row: int) -> bool:
+def _add_room(room: _Room, f: int, limit: float, near: float, seen: Seen, row: int) -> bool:
     """Add how much less than ``near`` the room at a frequency is; whether it is less."""
-    room, loop, limit = sight.room, sight.room.loop, sight.limit
-    value = -math.log(sight.near)
+    loop, value = room.loop, -math.log(near)
+    S_c, S = loop.S_c, loop.S
     for i in range(len(room.crossed)):
-        if f < room.crossed[i] and size_of(loop, i) < HALF:
+        if f < room.crossed[i] and size_of(S, i) < HALF:
             room.crossed[i] = f
-    halve(loop, 0.5)
-    least = 1 - squared_norm(loop.S_c) / limit**2, 1 - squared_norm(loop.S) / limit**2
-    if least[0] > 0 and least[0] * least[1] > sight.near:  # det(I − Y Yᴴ) ≥ 1 − tr Y Yᴴ
+    halve(S_c, 0.5)
+    halve(S, 0.5)
+    least = 1 - squared_norm(S_c) / limit**2, 1 - squared_norm(S) / limit**2
+    if least[0] > 0 and least[0] * least[1] > near:  # det(I − Y Yᴴ) ≥ 1 − tr Y Yᴴ
         return False
     for opening in range(2):
-        matrix, own = (loop.S_c, loop.command) if opening == 0 else (loop.S, loop.position)
+        matrix, own = (S_c, loop.command) if opening == 0 else (S, loop.position)
         value += log_room(matrix, limit, own)
     if value < 0.0:
         seen.rooms[row] += value
@@ -214,25 +215,25 @@ def _add_room(sight: Sight, f: int, seen: Seen, row: int) -> bool:
         if opening == 1:
             own, slope = loop.position, room.slopes.position
         write_room_slope(own, room.slopes.shifts, slope)
-    halve(loop, -0.5)
+    halve(S_c, -0.5)
+    halve(S, -0.5)
     return True
 
 
 @within
-def _write_size(which: int, room: _Room) -> bool:
+def _write_size(which: int, S: Array, sizes: Array, slopes: SlopeRoom) -> bool:
     """Write |T| of a loop at one of the two frequencies about −3 dB, and what it changes with."""
-    room.sizes[which] = size_of(room.loop, which // 2)
-    write_size_slope(room.loop, which // 2, room.slopes)
+    sizes[which] = size_of(S, which // 2)
+    write_size_slope(S, which // 2, slopes)
     return True
 
 
 @within
-def _keep_slopes(which: int, room: _Room, seen: Seen, row: int) -> None:
+def _keep_slopes(which: int, by_gains: Array, by_sizes: Array, seen: Seen, row: int) -> None:
     """Add slopes of the room, or keep those of one of the sizes about −3 dB."""
-    by_gains = room.by_gains
     for i in range(len(by_gains)):
         if which >= 0:
-            room.by_sizes[which, i] = by_gains[i]
+            by_sizes[which, i] = by_gains[i]
         else:
             seen.slopes[row, i] += by_gains[i]
             for j in range(len(by_gains)):

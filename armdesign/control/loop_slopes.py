@@ -87,9 +87,9 @@ def write_room_slope(room: Room, shifts: Array, slope: Array) -> None:
 
 
 @within
-def write_size_slope(room: LoopRoom, loop: int, slopes: SlopeRoom) -> None:
+def write_size_slope(S: Array, loop: int, slopes: SlopeRoom) -> None:
     """Write Γ and Γ_p of log |T| of a loop, T = 1 − S of its own."""
-    T = 1 - room.S[loop, loop]
+    T = 1 - S[loop, loop]
     inverse = T.conjugate() / (T.real**2 + T.imag**2)
     for i in range(len(slopes.command)):
         for j in range(len(slopes.command)):

@@ -231,9 +231,9 @@ def close_loops(loops: LoopArguments, pose: int, f: int, room: LoopRoom) -> None
 
 
 @within
-def size_of(room: LoopRoom, i: int) -> float:
-    """|T| of a position loop, the others closed, before S is halved."""
-    return abs(1 - room.S[i, i])
+def size_of(S: Array, i: int) -> float:
+    """|T| of a position loop, the others closed."""
+    return abs(1 - S[i, i])
 
 
 @within
@@ -250,9 +250,7 @@ def crossing(omega: Array, f: int, last: float, size: float) -> float:
 
 
 @within
-def halve(room: LoopRoom, half: float) -> None:
-    """Make ½(S − T) = S − ½ of S at both openings; with −½ again S of it."""
-    for i in range(len(room.S_c)):
-        room.S_c[i, i] -= half
-    for i in range(len(room.S)):
-        room.S[i, i] -= half
+def halve(S: Array, half: float) -> None:
+    """Make ½(S − T) = S − ½ of S (m, m); with −½ again S of it."""
+    for i in range(len(S)):
+        S[i, i] -= half
