@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 import armdesign as ad
+from armdesign import Design
 from armdesign.design import proved_sets as module
 from armdesign.design.bound.certificate import Certificate
 from armdesign.design.proved_sets import NEAR, bounds_of_others, most_of, others
@@ -53,10 +54,15 @@ def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch)
     }
     assert least == {("b",): [3.5, 3.0], ("a", "b"): [9.0, 3.0], PINS: [], (): []}
     steps = {
-        chosen: DesignStep(pins=chosen, design=reached, searched=1, built=1, sets=sets)  # type: ignore[arg-type]
+        chosen: DesignStep(
+            pins=chosen,
+            design=cast(Design, SimpleNamespace(judged=reached)),
+            searched=1,
+            built=1,
+            sets=sets,
+        )
         for (chosen, reached), sets in zip(best.items(), (3, 3, 1, 1), strict=True)
     }
-    monkeypatch.setattr("armdesign.design.steps._judged", lambda design: design)
     proved = {chosen: _proved(step, PINS, bounds_found) for chosen, step in steps.items()}
     assert {chosen: one.proved for chosen, one in proved.items()} == {
         ("b",): 2, ("a", "b"): 1, PINS: 0, (): 0
