@@ -316,7 +316,6 @@ def frequency_band(
     bands: Bands | None = None,
     *,
     today: Machine | None = None,
-    nominal: float | None = None,
 ) -> FrequencyBand:
     """Lowest coupled frequency of the poses, all load cases, at all corners of the bands.
 
@@ -325,7 +324,6 @@ def frequency_band(
         workspace: poses that count, and not what lies between them.
         bands: what is not known exactly; None: the machine's file states them.
         today: the machine that this one was made from, whose structure it keeps; None: itself.
-        nominal: lowest frequency of the poses with the file's values [Hz], if known.
 
     Example:
         >>> import armdesign as ad
@@ -337,11 +335,7 @@ def frequency_band(
         4.76 to 7.45 Hz
     """
     bands = bands or Bands.of(machine)
-    unknown = [machine] if nominal is None else []
-    corners, stated = at_corners(machine, workspace, bands, bands.ends, today, unknown)
-    if nominal is None:
-        lowest = stated[0].worst if stated else worst_frequency(machine, workspace)
-        nominal = lowest.frequency
+    corners, stated = at_corners(machine, workspace, bands, bands.ends, today, [machine])
     floor = np.min([lowest.frequency for lowest in corners.values()], axis=0)
     seeds = np.unique([lowest.frequency.argmin() for lowest in corners.values()])
     return FrequencyBand(
@@ -349,7 +343,7 @@ def frequency_band(
             Scenario(**of.worst._asdict(), corner=corner, starts=of.starts)
             for corner, of in corners.items()
         ),
-        nominal=nominal,
+        nominal=(stated[0].worst if stated else worst_frequency(machine, workspace)).frequency,
         sample=partial(_between, machine, workspace, bands, (floor, seeds), today),
     )
 

@@ -180,8 +180,7 @@ class FrequencyMap(ReadOnly):
         Raises:
             PoseError: at the soft end gravity overcomes the trapped oil.
         """
-        bands, nominal = Bands.shown(self.machine), float(self.lowest.min())
-        return frequency_band(self.machine, self.workspace, bands, nominal=nominal)
+        return frequency_band(self.machine, self.workspace, Bands.shown(self.machine))
 
     @property
     def holding_pressures(self) -> Array:
