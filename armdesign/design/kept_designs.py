@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from armdesign.design.design import Design
 
 NUMBERS = ("prices", "at_margin", "unrounded", "starts", "failed_starts")
-WORDS = ("part", "fault", "remedy", "table", "line", "key")  # of a refusal
+SAID = ("part", "fault", "remedy", "table", "line", "key", "drawn")  # by a refusal
 REFUSALS = {kind.__name__: kind for kind in (InfeasibleError, UntriedError)}
 
 
@@ -66,11 +66,11 @@ def found_in(
     """The design of a problem that an entry has, or why there is none."""
     if "conflict" not in answer:
         return make(**fields_of(answer, problem))
-    words = {name: answer[name] for name in WORDS}
+    said = {name: answer[name] for name in SAID}
     conflict = tuple(Concession(**fields) for fields in answer["conflict"])
-    error = REFUSALS[answer["kind"]](words["part"], words["fault"], words["remedy"], conflict)
-    vars(error).update(words)
-    error.tell_line(words["line"])
+    error = REFUSALS[answer["kind"]](said["part"], said["fault"], said["remedy"], conflict)
+    vars(error).update(said)
+    error.tell_line(said["line"])
     return error
 
 
@@ -78,7 +78,7 @@ def _refusal(error: InfeasibleError) -> dict[str, Any]:
     return {
         "kind": type(error).__name__,
         "conflict": [asdict(concession) for concession in error.conflict],
-        **{name: getattr(error, name) for name in WORDS},
+        **{name: getattr(error, name) for name in SAID},
     }
 
 

@@ -53,16 +53,12 @@ def test_a_bound_of_a_set_holds_for_its_subsets(monkeypatch: pytest.MonkeyPatch)
         chosen: [most_of(some, bounds_found) for some in others(PINS, chosen)] for chosen in best
     }
     assert least == {("b",): [3.5, 3.0], ("a", "b"): [9.0, 3.0], PINS: [], (): []}
-    steps = {
-        chosen: DesignStep(
-            pins=chosen,
-            design=cast(Design, SimpleNamespace(judged=reached)),
-            searched=1,
-            built=1,
-            sets=sets,
-        )
-        for (chosen, reached), sets in zip(best.items(), (3, 3, 1, 1), strict=True)
-    }
+
+    def step(chosen: tuple[str, ...], sets: int) -> DesignStep:
+        design = cast(Design, SimpleNamespace(judged=best[chosen]))
+        return DesignStep(pins=chosen, design=design, searched=1, built=1, sets=sets)
+
+    steps = {chosen: step(chosen, sets) for chosen, sets in zip(best, (3, 3, 1, 1), strict=True)}
     proved = {chosen: _proved(step, PINS, bounds_found) for chosen, step in steps.items()}
     assert {chosen: one.proved for chosen, one in proved.items()} == {
         ("b",): 2, ("a", "b"): 1, PINS: 0, (): 0
