@@ -228,7 +228,7 @@ def steps(
         ...
         0 +0.0%
         1 +16.0% cylinder.lift.rod_end
-        2 +16.0% cylinder.lift.base cylinder.lift.rod_end
+        2 +16.1% cylinder.lift.base cylinder.lift.rod_end
     """
     requirements = requirements or Requirements.of(machine)
     workspace = workspace or Workspace.grid(machine, end_margin=requirements.end_margin)
