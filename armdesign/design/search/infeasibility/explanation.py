@@ -53,7 +53,8 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
     """What is found for a problem, or a refusal whose amounts were all granted, and gave a design.
 
     ``design`` is told whether any will do: under what is granted, where none is asked for.
-    What is refused again under what a refusal grants joins it, until there is a design.
+    What is refused again under what a refusal grants joins it, until there is a design, or a
+    machine was drawn on the way to the refusal.
 
     Raises:
         InfeasibleError: of ``design``, with amounts that are enough in the same setting.
