@@ -240,7 +240,8 @@ def _predicted(
 
         ȧ = λ(b) a,     ḃ = −R K R⁻¹ |v| W(b)/|v| − Re λ(b) b
 
-    What is over before it has swung keeps its pole.
+    as if spools followed that at once: K is small against their natural frequencies. What is
+    over before it has swung keeps its pole.
     """
     pole, right, left = mode
     if not lasts(np.array(pole)):

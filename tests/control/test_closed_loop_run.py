@@ -20,6 +20,7 @@ from tests.control.machines import single_pose
 
 CALIBRATED, YIELDING = "calibrated", "cylinder.lift.compliance_m_per_N"
 POSES, MANY = 20, 2_000.0  # poses of each machine; periods of a swing that hardly grows
+SLOW = 0.2  # [ω of the slowest spool] position gains of loops that are slow against it
 DATA_SHEET = {YIELDING: 0.0, "fluid.entrained_air_percent": 0.0, "fluid.bulk_modulus_MPa": 1200.0}
 
 
@@ -85,20 +86,24 @@ def test_nonlinear_damping_is_the_predicted_one(name: str) -> None:
 
 @pytest.mark.slow
 def test_fast_swings_that_last_have_answered_their_mean() -> None:
-    """Modes above twice the valve's frequency: within 1 % in six periods and in a hundred."""
+    """Modes above twice the valve's frequency: within 1 % in six periods and in a hundred.
+
+    Within 5 % where position loops are not slow against the spools, as the prediction takes them.
+    """
     machine, tried = loaded("loader_crane"), 0
     for q in poses_of(machine, 4 * POSES):
         controller = controllers_at(machine, q)[-2]  # own gains with pressure feedback
-        run = closed_loop_run(machine, q, controller)
+        run, spools = closed_loop_run(machine, q, controller), loop_plant(machine, machine.at(q))
         first, predicted = run.damping_ratios
-        if run.pole.imag < 2 * loop_plant(machine, machine.at(q)).valve_omega.max():
+        if run.pole.imag < 2 * spools.valve_omega.max():
             continue
+        slow = controller.position.max() < SLOW * spools.valve_omega.min()
         smaller = closed_loop_run(machine, q, controller, swing=1e-4)
         assert smaller.damping_ratios[0] == pytest.approx(first, rel=0.01)
-        assert first == pytest.approx(predicted, rel=0.01)
+        assert first == pytest.approx(predicted, rel=0.01 if slow else 0.05)
         long = closed_loop_run(machine, q, controller, periods=100)
         assert long.damping_ratios[0] == pytest.approx(long.damping_ratios[1], rel=0.01)
-        tried += 1
+        tried += slow
     assert tried > POSES
 
 
