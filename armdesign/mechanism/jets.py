@@ -84,12 +84,13 @@ class ScalarJet(Jet):
     def sqrt(self) -> ScalarJet:
         """Square root; NaN, without a warning, where it is not positive."""
         root = np.sqrt(np.where(np.real(self.value) > 0, self.value, np.nan))
-        return self.through(root, 0.5 / root, -0.25 / root**3)
+        return self.through(root, 0.5 / root, -0.25 / (root * root * root))
 
     def reciprocal(self) -> ScalarJet:
         """Reciprocal."""
         inverse = 1 / self.value
-        return self.through(inverse, -(inverse**2), 2 * inverse**3)
+        square = inverse * inverse
+        return self.through(inverse, -square, 2 * square * inverse)
 
 
 class VectorJet(Jet):

@@ -98,7 +98,7 @@ class MovingMasses:
     ) -> list[M]:
         """Moments of a kilogram of each bar of one cylinder, in its linkage's observer."""
         arm, link, own = linkage.arm, linkage.observer, linkage.joints
-        ends = linkage.bars(positions, closed, link, own)
+        ends = linkage.bars(positions, closed, link, own, self.bars[i])
         rotation = arm.link_rotation(positions, link)
         origin = arm.point(positions, link, np.zeros(3))
         return [of(ends[name], rotation, origin) for name in self.bars[i]]

@@ -11,7 +11,7 @@ H_jk = (d_j·d_k + d·d_jk − r_j r_k)/ℓ  with d = P − B.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self, TypeAlias
@@ -264,22 +264,26 @@ class Linkage(Drive):
         length: float,
         seen_from: str | None = None,
         joints: tuple[int, ...] | None = None,
+        names: Collection[str] | None = None,
     ) -> dict[str, tuple[VectorJet, VectorJet]]:
-        """Both ends of every moving bar seen from a link, with derivatives by some coordinates.
+        """Both ends of moving bars seen from a link, with derivatives by some coordinates.
 
-        From the root, by all of them, where none are given. Barrel and rod are as long as the
-        closed cylinder, ``length`` [m]: one from the base pin, one up to the rod end.
+        From the root, by all of them, where none are given; of all bars, or at least of those of
+        some ``names``. Barrel and rod are as long as the closed cylinder, ``length`` [m]: one from
+        the base pin, one up to the rod end.
         """
         root = self.arm.root if seen_from is None else seen_from
         joints = tuple(range(len(self.arm.coordinates))) if joints is None else joints
         end = self.rod_end_from(poses, root, joints)
-        base = self._motion(poses, self.base, root, joints)
-        span = end - base
-        along = span * (span.dot(span).sqrt().reciprocal() * length)
         legs = {
             bar: (self._motion(poses, getattr(self, pin), root, joints), end)
             for bar, pin in self.legs
         }
+        if names is not None and legs.keys() >= set(names):
+            return legs
+        base = self._motion(poses, self.base, root, joints)
+        span = end - base
+        along = span * (span.dot(span).sqrt().reciprocal() * length)
         return {"barrel": (base, base + along), "rod": (end - along, end), **legs}
 
     def record(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.jets import VectorJet
+from armdesign.mechanism.jets import ScalarJet, VectorJet
 from armdesign.mechanism.linkage.base import Linkage, Pin
 
 
@@ -63,16 +63,25 @@ class FourBar(Linkage):
 
     def rod_end_from(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> VectorJet:
         """The knee seen from a link; NaN where the two bars cannot reach each other."""
-        a, b = self.rocker, self.coupler
         pivot, lug = (self._motion(poses, pin, link, joints) for pin in (self.pivot, self.lug))
         back = np.array([0.0, -1.0, 0.0])
         normal = self.arm.direction(poses, self.pivot.link, back, link, joints)
-        u = lug - pivot
-        u = u - normal * normal.dot(u)  # its pins may be given at different y
-        i = u.dot(u).reciprocal()
-        x = i * ((a**2 - b**2) / 2) + 0.5
-        y = (i * a**2 - x * x).sqrt() * self.side
-        return pivot + (u * x + normal.cross(u) * y)
+        v = normal.cross(lug - pivot)
+        u = v.cross(normal)  # in the plane of the bars; its pins may be given at different y
+        x, y = self._knee(v.dot(v))
+        return pivot + (u * x + v * y)
+
+    def _knee(self, e: ScalarJet) -> tuple[ScalarJet, ScalarJet]:
+        """The x and y of the knee by e = u·u; NaN where the two bars cannot reach each other."""
+        square, c, i = self.rocker**2, (self.rocker**2 - self.coupler**2) / 2, 1 / e.value
+        i_2 = i * i
+        i_3 = i_2 * i
+        x, slope, curvature = 0.5 + c * i, -c * i_2, 2 * c * i_3
+        left = square * i - x * x  # y², by whose derivatives y has its own
+        y = self.side * np.sqrt(np.where(np.real(left) > 0, left, np.nan))
+        steep = (-square * i_2 - 2 * x * slope) / (2 * y)
+        bent = (square * i_3 - slope * slope - x * curvature - steep * steep) / y
+        return e.through(x, slope, curvature), e.through(y, steep, bent)
 
     def closes(self, poses: RigidPoses) -> Flags:
         """Whether rocker and coupler reach each other (n,): whether y² > 0."""
