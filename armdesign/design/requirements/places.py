@@ -259,21 +259,24 @@ def outlines(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     for outline in reference.requirements.outlines:
         polygon = np.array(outline.points)
         size = float(np.ptp(polygon, axis=0).max()) or 1.0
-        for i, name, _ in pins_on(reference.today, outline.link):
-            cylinder, place = reference.today.cylinders[i].name, new.place(i, name)
-            if place is not None:
-                yield Evaluation(
-                    name=f"outline.{cylinder}.{name}",
-                    words=f"{name} pin of the {cylinder} cylinder within the"
-                    f" {outline.link}'s outline",
-                    unit="m",
-                    value=depth(place[:, [0, 2]], polygon),
-                    limit=outline.pin_radius,
-                    at_least=True,
-                    slack_scale=size,
-                    rounding_loss=ROUNDING / size,
-                    setting=f"outline.{outline.link}.pin_radius_mm",
-                )
+        pins = {
+            (reference.today.cylinders[i].name, name): place[:, [0, 2]]
+            for i, name, _ in pins_on(reference.today, outline.link)
+            if (place := new.place(i, name)) is not None
+        }
+        within = depth(np.stack([*pins.values()]), polygon) if pins else ()
+        for (cylinder, name), value in zip(pins, within, strict=True):
+            yield Evaluation(
+                name=f"outline.{cylinder}.{name}",
+                words=f"{name} pin of the {cylinder} cylinder within the {outline.link}'s outline",
+                unit="m",
+                value=value,
+                limit=outline.pin_radius,
+                at_least=True,
+                slack_scale=size,
+                rounding_loss=ROUNDING / size,
+                setting=f"outline.{outline.link}.pin_radius_mm",
+            )
 
 
 @names_begin_with("clearance")
