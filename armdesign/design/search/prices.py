@@ -2,7 +2,7 @@
 
 At the margin a price is a multiplier; the price of the whole 1 % is found by solving again from
 the optimum: another limit may soon be met, and designs of nearly the same frequency may lie far
-apart, so that no box around this one holds the answer.
+apart, so that no box around this one holds the answer. Not where it buys next to nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ RELAXED = 0.01  # share by which a requirement is relaxed to price it
 TRUST, LOOKS = 0.05, 2  # with which that is solved again,
 # until a step promises less than this of ω², or than this share of what is expected
 FINE, ENOUGH = 1e-7, 0.01
-LEAST_PRICE = 1e-6  # gain in frequency below which a requirement has no price
+LEAST_PRICE = 1e-6  # gain in frequency below which a requirement has no price,
+# and below which its multiplier is the price: it is printed as 0.00 %, solved again or not
+BY_MULTIPLIER = 1e-5
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def prices(search: Search) -> dict[str, Price]:
     priced: dict[str, Price] = {}
     for names in together.values():
         expected = sum(margins[name] for name in names)
-        share = _gain(optimum, names, expected) / expected if expected > LEAST_PRICE else 1.0
+        share = _gain(optimum, names, expected) / expected if expected > BY_MULTIPLIER else 1.0
         priced |= {name: Price(margins[name], share * margins[name]) for name in names}
     return priced
 
