@@ -36,6 +36,7 @@ from armdesign.machine.poses import (
     refuse_unreachable,
 )
 from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses
+from armdesign.mechanism.carried_bars import of_linkage
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
@@ -391,16 +392,17 @@ class Machine:
 
         Over all coordinates: joints, then springs.
         """
-        mass, gravity, slope = rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness
-        points, load = self.bar_points(rigid), self.payload
+        load = self.payload
+        parts = [(rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness)]
         if np.any(load.mass != 0) and load.link is not None:
             at, joints = side_by_side(load.at), tuple(range(len(self.arm.coordinates)))
             motion = self.arm.motion(rigid, load.link, at, self.arm.root, joints)
-            points.append((load.mass, motion))
-        if not points:
-            return mass, gravity, slope
-        added = of_points(points)
-        return mass + added[0], gravity + added[1], slope + added[2]
+            parts.append(of_points([(load.mass, motion)]))
+        for cylinder, linkage in zip(self.cylinders, self.linkages, strict=True):
+            if masses := cylinder.moving_masses:
+                parts.append(of_linkage(linkage, masses, cylinder.closed_length, rigid))
+        mass, gravity, slope = (sum(each[1:], each[0]) for each in zip(*parts, strict=True))
+        return mass, gravity, slope
 
     @property
     def loaded_arm(self) -> LoadedArm:
@@ -419,7 +421,8 @@ class Machine:
         points: list[tuple[float, VectorJet]] = []
         for cylinder, linkage in zip(self.cylinders, self.linkages, strict=True):
             masses = cylinder.moving_masses
-            bars = linkage.bars(rigid, cylinder.closed_length) if masses else {}
+            length = cylinder.closed_length
+            bars = linkage.bars(rigid, length, names=masses) if masses else {}
             for name, mass in masses.items():
                 points += points_of_bar(mass, bars[name])
         return points

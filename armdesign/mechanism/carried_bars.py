@@ -14,14 +14,15 @@ Gravity torque depends on the first moments Σ m h and Σ m ∂p/∂q_a alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, side_by_side
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.jets import VectorJet, cross
+from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.urdf import turned
 from armdesign.units import GRAVITY
 
@@ -51,6 +52,8 @@ class FirstMoments(NamedTuple):
 
 
 M = TypeVar("M", Moments, FirstMoments)
+# moments of a kilogram of a bar: ``of_bar`` or ``first_of_bar``
+MomentsOf: TypeAlias = Callable[[tuple[VectorJet, VectorJet], Array, Array], M]
 
 
 def _at(parts: Sequence[Array], behind: Sequence[int], rows: Array | slice) -> list[Array]:
@@ -109,6 +112,33 @@ def weighed_by_row(masses: Array, units: Sequence[M]) -> M:
     """``weighed`` where masses (m, k) differ with the position."""
     parts = map(np.stack, zip(*units, strict=True))
     return type(units[0])(*(np.einsum("mk,km...->m...", masses, part) for part in parts))
+
+
+def units_of(
+    linkage: Linkage, length: Any, positions: RigidPoses, names: Collection[str], of: MomentsOf[M]
+) -> list[M]:
+    """Moments of a kilogram of some bars of a cylinder of closed ``length`` [m].
+
+    At positions of its own joints, in its linkage's observer.
+    """
+    arm, link = linkage.arm, linkage.observer
+    ends = linkage.bars(positions, length, link, linkage.joints, names)
+    rotation = arm.link_rotation(positions, link)
+    origin = arm.point(positions, link, np.zeros(3))
+    return [of(ends[name], rotation, origin) for name in names]
+
+
+def of_linkage(
+    linkage: Linkage, masses: Mapping[str, Any], length: Any, poses: RigidPoses
+) -> tuple[Array, Array, Array]:
+    """M, g and ∂g/∂q (n, k, …) of bars of a cylinder of closed ``length`` [m].
+
+    Each of its masses [kg] is one number, or one for each pose.
+    """
+    units = units_of(linkage, length, poses, masses, of_bar)
+    each = side_by_side(masses.values())
+    moments = (weighed if each.ndim == 1 else weighed_by_row)(each, units)
+    return inertia_and_gravity(linkage.arm, linkage.observer, linkage.joints, poses, moments)
 
 
 def gravity(

@@ -18,14 +18,14 @@ from armdesign.design.program.design_vector import ChosenLengths, DesignVector, 
 from armdesign.design.program.fixed_terms import FixedPins, OwnJoints
 from armdesign.design.program.gradient import STEP, SteppedDesign
 from armdesign.design.program.lowest_eigenvalues import lowest
-from armdesign.design.program.moving_masses import InertiaAndGravity, MomentsOf, MovingMasses
+from armdesign.design.program.moving_masses import InertiaAndGravity, MovingMasses
 from armdesign.frequency.bands import Corner
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import own_forces, static_forces
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.carried_bars import M, first_of_bar, of_bar, weighed
+from armdesign.mechanism.carried_bars import M, MomentsOf, first_of_bar, of_bar, units_of, weighed
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,8 @@ class Dynamics:
 
         def moments(i: int, positions: RigidPoses) -> M:
             masses = moving.masses_of(i, areas[i], closed[i], linkages[i])
-            return weighed(masses, moving.moments_of(i, linkages[i], closed[i], positions, of))
+            units = units_of(linkages[i], closed[i], positions, moving.bars[i], of)
+            return weighed(masses, units)
 
         return moments
 

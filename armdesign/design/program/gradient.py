@@ -15,11 +15,19 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.program.design_vector import DesignVector, Geometry
-from armdesign.design.program.moving_masses import InertiaAndGravity, MomentsOf
+from armdesign.design.program.moving_masses import InertiaAndGravity
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.carried_bars import M, first_of_bar, of_bar, weighed, weighed_by_row
+from armdesign.mechanism.carried_bars import (
+    M,
+    MomentsOf,
+    first_of_bar,
+    of_bar,
+    units_of,
+    weighed,
+    weighed_by_row,
+)
 from armdesign.mechanism.linkage.base import Linkage
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
@@ -159,10 +167,10 @@ class SteppedDesign:
         masses = moving.masses_of(i, areas, closed, self.linkages[i])
         entries, linkage, rows = self._moved(i, positions)
         if not entries:
-            return weighed(masses, moving.moments_of(i, linkage, closed[0].real, rows, of))
+            return weighed(masses, units_of(linkage, closed[0].real, rows, moving.bars[i], of))
         count = len(positions)
         areas, closed = (np.repeat(part[entries], count, axis=0) for part in (areas, closed))
-        units = moving.moments_of(i, linkage, closed, rows, of)
+        units = units_of(linkage, closed, rows, moving.bars[i], of)
         total = weighed(masses, [type(one)(*(p[:count].real for p in one)) for one in units])
         moved = weighed_by_row(moving.masses_of(i, areas, closed, linkage), units)
         for whole, part in zip(total, moved, strict=True):

@@ -19,12 +19,9 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
 from armdesign.mechanism.carried_bars import FirstMoments, M, Moments, gravity, inertia_and_gravity
-from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.linkage.base import Linkage
 
 InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
-# moments of a kilogram of a bar: ``of_bar`` or ``first_of_bar``
-MomentsOf: TypeAlias = Callable[[tuple[VectorJet, VectorJet], Array, Array], M]
 
 
 def masses(
@@ -92,16 +89,6 @@ class MovingMasses:
         return np.stack(
             np.broadcast_arrays(like, *(each[name] for name in self.bars[i])), axis=-1
         )[..., 1:]
-
-    def moments_of(
-        self, i: int, linkage: Linkage, closed: Any, positions: RigidPoses, of: MomentsOf[M]
-    ) -> list[M]:
-        """Moments of a kilogram of each bar of one cylinder, in its linkage's observer."""
-        arm, link, own = linkage.arm, linkage.observer, linkage.joints
-        ends = linkage.bars(positions, closed, link, own, self.bars[i])
-        rotation = arm.link_rotation(positions, link)
-        origin = arm.point(positions, link, np.zeros(3))
-        return [of(ends[name], rotation, origin) for name in self.bars[i]]
 
     def inertia_and_gravity(
         self, rigid: RigidPoses, moments: Callable[[int, RigidPoses], Moments]
