@@ -7,8 +7,9 @@ Near a design stiffness and requirements are almost linear in these whole number
 for poses j and directions u HiGHS finds the optimum. Directions are added until t is the lowest
 eigenvalue (Kelley's cutting planes): first for any numbers k, which takes a hundredth of the time,
 then for whole ones. The programme is set up again where the answer lies, until it promises nothing
-better than is known; where an answer comes again, fewer steps are allowed. Where any design will
-do, there are no poses, and the first that keeps all limits is the answer.
+better than is known; where an answer comes again, or is far from what was promised, fewer steps
+are allowed. Where any design will do, there are no poses, and the first that keeps all limits is
+the answer.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ REACH = 10.0  # steps of the grid that a coordinate may move to either side,
 LENGTHENED, STROKE = 3.0, 0.2  # and for each of them a closed length and a stroke
 STRICT = 30.0  # times that a missed requirement is dearer than while pins are in real numbers
 ROUNDS = 10  # of setting up again where the answer lies, better or not;
-FAILED = 2  # after so many that are not, from the best with half as many steps
+FAILED = 2  # after so many that are not, from the best with half as many steps;
+# half as many at once where limits bend so much that merit falls short of its promise by this
+ASTRAY = 0.1
 PROMISED = 1e-6  # of the lowest ω², relative
 LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
 # decimals of steps to which a search's end is known, and digits of its ω²: rounding of last bits,
@@ -56,6 +59,7 @@ def on_lattice(search: Search, any_will_do: bool = False) -> Search:
         if best and about is best and promised < best.trial.merit + PROMISED:
             break
         about = lattice.at(numbers)
+        reach /= 2 if about.trial.merit < promised - ASTRAY else 1
         if best is None or about.trial.merit > best.trial.merit + PROMISED:
             best, failed = about, 0
             if any_will_do and about.trial.limits.values.min() >= 0:
