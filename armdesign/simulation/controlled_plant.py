@@ -23,7 +23,14 @@ from armdesign.simulation.dormand_prince import (
 )
 from armdesign.simulation.excitation import SWEEP, SymmetricValve, sweeps_of, write_sweeps
 from armdesign.simulation.integrator import Breaks
-from armdesign.simulation.plant.compiled import Records, borrowing, new_records, resolved, within
+from armdesign.simulation.plant.compiled import (
+    Records,
+    as_argument,
+    borrowing,
+    new_records,
+    resolved,
+    within,
+)
 from armdesign.simulation.plant.hydraulics import OUTPUT
 from armdesign.simulation.plant.plant import (
     Layout,
@@ -43,6 +50,7 @@ ENERGY = 1e5  # [J] unit of energy in the state: bar × m³
 class Cases(NamedTuple):
     """Everything that compiled functions need of n cases."""
 
+    evaluate: Callable[..., None]  # ``evaluate_cases``
     equations: tuple[Parameters, Layout, Scratch]  # of the plant
     gains: Array  # of the slow loop (n, nc)
     places: Array  # that it holds (n, nc)
@@ -141,14 +149,19 @@ class ControlledPlant:
     def _cases(self) -> Cases:
         """Everything that compiled functions need."""
         plant, sweeps, n = self.plant, self.sweeps, self.gains.shape
+        equations, commands = (plant.parameters, plant.layout, plant.scratch), np.empty(n)
+        outputs: tuple[Records, Array, Array]
+        outputs = (np.empty(n, OUTPUT), np.empty((n[0], 3)), np.empty(n[0]))
+        instant = PlantInstant(np.empty_like(self.start), *outputs)
         return Cases(
-            equations=(plant.parameters, plant.layout, plant.scratch),
+            evaluate=as_argument(evaluate_cases, self.start, commands, *equations, instant),
+            equations=equations,
             gains=self.gains,
             places=self.places,
             corners=self.corners,
             sweeps=new_records(0, SWEEP) if sweeps is None else sweeps,
-            commands=np.empty(n),
-            outputs=(np.empty(n, OUTPUT), np.empty((n[0], 3)), np.empty(n[0])),
+            commands=commands,
+            outputs=outputs,
         )
 
     def commands_at(self, time: Array, states: Array) -> Array:
@@ -298,7 +311,7 @@ def _write_rates(state: Array, demand: Array, cases: Cases, rates: Array) -> Non
     parameters, layout, scratch = cases.equations
     _correct(demand, state, parameters.actuators, cases.gains, cases.commands)
     instant = PlantInstant(rates, outputs, powers, springs)
-    evaluate_cases(state, cases.commands, parameters, layout, scratch, instant)
+    cases.evaluate(state, cases.commands, parameters, layout, scratch, instant)
     _follow(state, cases.gains, cases.places, cases.corners, instant)
 
 

@@ -28,6 +28,7 @@ from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.serialize import dumps
+from numba.core.types import CompileResultWAP
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
@@ -79,9 +80,14 @@ def borrowing(function: F) -> F:
     return _compiled(function, counts=False)
 
 
-def _compiled(function: F, *, counts: bool) -> F:
+def lent(function: F) -> F:
+    """As ``borrowing``, and others can call it without making it part of themselves."""
+    return _compiled(function, counts=False, lent=True)
+
+
+def _compiled(function: F, *, counts: bool, lent: bool = False) -> F:
     njit: Any = numba.njit  # its types lack the switch of reference counts, which is not public
-    dispatcher = njit(error_model="numpy", _nrt=counts, no_cfunc_wrapper=True)(function)
+    dispatcher = njit(error_model="numpy", _nrt=counts, no_cfunc_wrapper=not lent)(function)
     if hasattr(dispatcher, "compile"):  # numba is not switched off
         module, name = function.__module__.rpartition(".")[2], cast(Any, function).__qualname__
         dispatcher._cache = _Kept(f"{module}.{name}")
@@ -107,6 +113,19 @@ def resolved(function: F, *arguments: object) -> F:
 _resolved: dict[object, Any] = {}
 
 
+def as_argument(function: F, *arguments: object) -> F:
+    """A function that is ``lent``, for arguments of these types, to be given to compiled ones.
+
+    They call it where it is. One that they call by its name is made part of them: the plant would
+    be optimised and made machine code of once more.
+    """
+    kernel, dispatcher = resolved(function, *arguments), cast(Any, function)
+    if not hasattr(dispatcher, "compile"):  # numba is switched off
+        return kernel
+    results = dispatcher.overloads.values()
+    return cast(F, CompileResultWAP(next(one for one in results if one.entry_point is kernel)))
+
+
 def _kind(argument: object) -> object:
     """Everything of an argument that numba's type of it depends on."""
     if isinstance(argument, tuple):
@@ -115,6 +134,8 @@ def _kind(argument: object) -> object:
         f = argument.flags
         layout = f.c_contiguous, f.f_contiguous, f.aligned, f.writeable
         return argument.dtype, argument.ndim, layout
+    if isinstance(argument, CompileResultWAP):
+        return argument.signature()
     return type(argument)
 
 

@@ -30,7 +30,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.valve import spool_acceleration
 from armdesign.machine.machine import Machine
-from armdesign.simulation.plant.compiled import Record, Records, borrowing, resolved, within
+from armdesign.simulation.plant.compiled import Record, Records, lent, resolved, within
 from armdesign.simulation.plant.energy_book import book_powers
 from armdesign.simulation.plant.hydraulics import (
     OUTPUT,
@@ -260,7 +260,7 @@ def stack_shape(machine: Machine) -> Hashable:
     return order, counts, machine.has_bars, machine.supply.flow_limited
 
 
-@borrowing
+@lent
 def evaluate_cases(
     state: Array,
     command: Array,

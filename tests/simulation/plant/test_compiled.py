@@ -99,6 +99,28 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
+@door.lent
+def write_roots(values: Array, roots: Array) -> None:
+    for i in range(len(values)):
+        roots[i] = math.sqrt(values[i])
+
+
+@door.borrowing
+def write_by(write: Callable[[Array, Array], None], values: Array, written: Array) -> None:
+    write(values, written)
+
+
+def test_a_function_that_is_lent_is_not_part_of_those_that_call_it(kept: Path) -> None:
+    values, written = np.array([4.0, 9.0]), np.empty(2)
+    given = door.as_argument(write_roots, values, written)
+    door.resolved(write_by, given, values, written)(given, values, written)
+    assert written.tolist() == [2.0, 3.0]
+    caller: Any = write_by
+    assert not any("sqrt" in text for text in caller.inspect_llvm().values())
+    lines: Any = write_roots
+    assert any("sqrt" in text for text in lines.inspect_llvm().values())
+
+
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_file_is_compiled_again(damage: str, kept: Path) -> None:
     called()
