@@ -59,7 +59,8 @@ def on_lattice(search: Search, any_will_do: bool = False) -> Search:
         if best and about is best and promised < best.trial.merit + PROMISED:
             break
         about = lattice.at(numbers)
-        reach /= 2 if about.trial.merit < promised - ASTRAY else 1
+        if about.trial.merit < promised - ASTRAY:
+            reach /= 2
         if best is None or about.trial.merit > best.trial.merit + PROMISED:
             best, failed = about, 0
             if any_will_do and about.trial.limits.values.min() >= 0:
