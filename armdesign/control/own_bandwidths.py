@@ -24,7 +24,7 @@ from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
 PASSES = 1  # over all poses, from what those next to each have found
 SEARCHES, STARTS = 2, 128  # of the lowest row, and the starts of each
-LEADERS = 2, 8  # of the starts of all rows, and of the lowest row, that are followed to the end
+LEADERS = 2, 16  # of the starts of all rows, and of the lowest row, that are followed to the end
 AROUND = 0.8  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
 
