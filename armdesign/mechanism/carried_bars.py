@@ -191,7 +191,7 @@ def _carried(arm: Arm, link: str, poses: RigidPoses) -> tuple[Array, Array]:
     """T (n, outer, 3, 4) of the joints between root and a link, and the link's rotation."""
     rotation, origin = arm.link_rotation(poses, link), arm.point(poses, link, np.zeros(3))
     path = arm.path(arm.root, link)
-    carried = np.zeros((len(poses), len(path), 3, 4))
+    carried = np.zeros((len(poses), len(path), 3, 4), poses.translation.dtype)
     into = np.swapaxes(rotation, 1, 2)
     for place, (j, sign) in enumerate(path):
         axis = sign * poses.axis[:, j]

@@ -11,6 +11,7 @@ from armdesign.mechanism.carried_bars import (
     gravity,
     inertia_and_gravity,
     of_bar,
+    of_linkage,
     weighed,
     weighed_by_row,
 )
@@ -54,3 +55,19 @@ def test_moments_say_what_points_say(name: str) -> None:
         first = weighed(masses, [first_of_bar(ends, *placed) for ends in seen.values()])
         alone, expected = gravity(arm, link, own, poses, first), of_points(points)[1]
         assert_allclose(alone, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", [*MACHINES, "rocking"])
+def test_slopes_are_those_of_gravity_by_a_complex_step(name: str) -> None:
+    """Along every joint; poses of bars may be complex, as those of links may."""
+    machine, step = rocking() if name == "rocking" else named(name), 1e-30
+    low, high = np.array(machine.ranges).T
+    q = np.random.default_rng(5).uniform(low, high, (4, len(low)))
+    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+        length, poses = cylinder.closed_length, machine.arm.kinematics(q)
+        masses = {bar: 37.0 + 16.0 * k for k, bar in enumerate(linkage.bars(poses, length))}
+        slope = of_linkage(linkage, masses, length, poses)[2]
+        for j, along in enumerate(np.eye(len(low))):
+            poses = machine.arm.kinematics(q + 1j * step * along)
+            stepped = of_linkage(linkage, masses, length, poses)[1].imag / step
+            assert_allclose(slope[:, :, j], stepped, rtol=0, atol=1e-12 * np.abs(slope).max())
