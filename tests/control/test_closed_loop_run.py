@@ -93,11 +93,11 @@ def test_fast_swings_that_last_have_answered_their_mean() -> None:
     machine, tried = loaded("loader_crane"), 0
     for q in poses_of(machine, 4 * POSES):
         controller = controllers_at(machine, q)[-2]  # own gains with pressure feedback
-        run, spools = closed_loop_run(machine, q, controller), loop_plant(machine, machine.at(q))
+        run, plant = closed_loop_run(machine, q, controller), loop_plant(machine, machine.at(q))
         first, predicted = run.damping_ratios
-        if run.pole.imag < 2 * spools.valve_omega.max():
+        if run.pole.imag < 2 * plant.valve_omega.max():
             continue
-        slow = controller.position.max() < SLOW * spools.valve_omega.min()
+        slow = controller.position.max() < SLOW * plant.valve_omega.min()
         smaller = closed_loop_run(machine, q, controller, swing=1e-4)
         assert smaller.damping_ratios[0] == pytest.approx(first, rel=0.01)
         assert first == pytest.approx(predicted, rel=0.01 if slow else 0.05)

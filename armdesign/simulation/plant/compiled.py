@@ -119,10 +119,10 @@ def as_argument(function: F, *arguments: object) -> F:
     They call it where it is. One that they call by its name is made part of them: the plant would
     be optimised and made machine code of once more.
     """
-    kernel, dispatcher = resolved(function, *arguments), cast(Any, function)
-    if not hasattr(dispatcher, "compile"):  # numba is switched off
-        return kernel
-    results = dispatcher.overloads.values()
+    kernel = resolved(function, *arguments)
+    if kernel is function:  # numba is switched off
+        return function
+    results = cast(Any, function).overloads.values()
     return cast(F, CompileResultWAP(next(one for one in results if one.entry_point is kernel)))
 
 
