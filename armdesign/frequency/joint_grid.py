@@ -37,7 +37,7 @@ def joint_axes(machine: Machine, points: int | Sequence[int] | None, end_margin:
     if points is None:
         for j in machine.idle_joints:
             ranges[j, 0] = ranges[j].mean()
-    counts = _default_counts(machine) if points is None else _checked_counts(machine, points)
+    counts = default_counts(machine) if points is None else _checked_counts(machine, points)
     return tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
 
 
@@ -70,7 +70,8 @@ def _step(axis: Array) -> float:
     return float((axis[-1] - axis[0]) / max(len(axis) - 1, 1) or 1.0)
 
 
-def _default_counts(machine: Machine) -> list[int]:
+def default_counts(machine: Machine) -> list[int]:
+    """Number of values per joint of the default grid."""
     nq, idle = len(machine.joints), machine.idle_joints
     base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(idle), 1))), 240), 5)
     return [2 if j in idle else base for j in range(nq - 1)] + [3 * base // 2]

@@ -10,6 +10,7 @@ is led over the rim into cells of which it reaches but a corner.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,7 +19,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, chunks
 from armdesign.frequency.cases import CasePoses, load_cases
-from armdesign.frequency.joint_grid import nearest, steps_along
+from armdesign.frequency.joint_grid import default_counts, nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.reach_plane import place_and_pitch, places, reach_and_height
 from armdesign.frequency.reach_rim import led_into_cells, poses_over_rim
@@ -49,6 +50,7 @@ CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
 WHOLE = 1 - 1e-9  # of a cell: the longer side has one more than their number, however rounded
+FINER = 2  # times as many poses in the default joint grid, from which it replaces a coarse one
 EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 
@@ -86,7 +88,7 @@ def reach_map(cases: Sequence[CasePoses], points: Array, count: int | None = Non
     """
     workspace = cases[0].workspace
     of_case = np.split(points, np.cumsum([case.exists.sum() for case in cases])[:-1])
-    if workspace.kind == "sobol":  # a joint grid of its own
+    if workspace.kind == "sobol" or _coarse(workspace):  # a joint grid of its own
         grid = Workspace.grid(workspace.machine, end_margin=workspace.end_margin)
         cases = list(load_cases(cases[0].machine, grid))
         of_case = [_computed(case.machine, grid.q[case.exists]) for case in cases]
@@ -104,8 +106,15 @@ def reach_map(cases: Sequence[CasePoses], points: Array, count: int | None = Non
     pairs = zip(cases, of_case, strict=True)
     between = between and least.size > 1  # else the tool does not move
     for case, of_one in sorted(pairs, key=lambda pair: pair[1][:, 2].min()) if between else ():
-        _lower(least, _Between(case, of_one).lowest(cells, least), cells)
+        if (of_one[:, 2] < FAR * least.reshape(-1)[_cell(of_one, *cells)]).any():
+            _lower(least, _Between(case, of_one).lowest(cells, least), cells)
     return ReachMap(*cells, np.where(np.isinf(least), np.nan, least))
+
+
+def _coarse(workspace: Workspace) -> bool:
+    """Whether it is a joint grid too coarse to interpolate on: the default one is finer by far."""
+    nodes, default = math.prod(map(len, workspace.axes)), default_counts(workspace.machine)
+    return workspace.kind == "grid" and FINER * nodes < math.prod(default)
 
 
 def _lower(least: Array, points: Array, cells: tuple[Array, Array]) -> None:
