@@ -74,7 +74,7 @@ DOORS = {  # library: the only modules that may import it
     "typer": {"cli", "options"},
     "jinja2": {"report.page"},
     "bokeh": {"report.interactive"},
-    "PIL": {"plots.canvas", "report.page"},
+    "PIL": {"plots.palette", "report.page"},
     "control": {"simulation.linear_model"},
     "distributed": {"sweeps.cluster"},
     "threadpoolctl": {"threads"},

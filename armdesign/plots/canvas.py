@@ -22,6 +22,7 @@ from armdesign import user_folders
 from armdesign.arrays import Array
 from armdesign.drawing.colours import ACTUATORS
 from armdesign.errors import ArmDesignError, printable
+from armdesign.plots.palette import in_few_colours
 from armdesign.transaction import undisturbed
 from armdesign.units import deg, mm
 
@@ -48,7 +49,6 @@ WIDTH = 10.0  # [in] of every figure, so that words are of one size wherever two
 FORMATS = ("png", "svg", "pdf")
 _too = ContextVar("format in which a PNG is written, too", default="png")
 DOTS = 150  # per inch of a picture
-PALETTE = 256  # colours of a picture in which none stands for a value
 POINTS = 72  # per inch, of sizes of letters
 PAPER = 0.88  # of the width of a part of a figure, for its title
 STYLE = {
@@ -195,25 +195,12 @@ def save(fig: Any, path: Path) -> Path:
         if kind == "png" and hasattr(fig.canvas, "buffer_rgba"):
             fig.set_dpi(DOTS)
             fig.canvas.draw()
-            _picture(fig).save(path, dpi=(DOTS, DOTS))
+            dots = np.asarray(fig.canvas.buffer_rgba())
+            in_few_colours(dots).save(path, dpi=(DOTS, DOTS))
         else:
             dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
             fig.savefig(path, dpi=DOTS, metadata=dates.get(kind))
     return path
-
-
-def _picture(fig: Any) -> Any:
-    """A figure as drawn, in few colours unless colours stand for values: steps would be seen.
-
-    Few colours are a third of the file, and pages hold it as it is.
-    """
-    from PIL import Image
-
-    picture = Image.fromarray(np.asarray(fig.canvas.buffer_rgba())).convert("RGB")
-    drawn = (part for ax in fig.axes for part in ax.collections)
-    if any(part.get_array() is not None for part in drawn):
-        return picture
-    return picture.quantize(PALETTE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
 
 def literal(draw: Callable[P, T]) -> Callable[P, T]:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
-from PIL import Image
 
 import armdesign as ad
 from armdesign import plots
@@ -53,19 +50,3 @@ def test_axes_of_a_grid_have_one_size() -> None:
     fig.canvas.draw()
     sizes = [ax.get_window_extent().size for ax in fig.axes]
     np.testing.assert_allclose(sizes, np.tile(sizes[0], (len(sizes), 1)), rtol=1e-12)
-
-
-@pytest.mark.parametrize(("plane", "mode"), [("joints", "RGB"), (None, "P")])
-def test_a_field_keeps_its_colours_and_other_pictures_have_few(
-    plane: str | None, mode: str, tmp_path: Path
-) -> None:
-    """Few are within 12 of 255 of what is drawn, as is seen on no screen; a field is exact."""
-    machine = named("excavator_20t")
-    fig = plots.moment_arm_curves({"today": machine})
-    if plane:
-        fig = plots.map_figure(mapped("excavator_20t", 18), plane)
-    with Image.open(plots.save(fig, tmp_path / "a.png")) as picture:
-        assert picture.mode == mode
-        written = np.asarray(picture.convert("RGB")).astype(int)
-    drawn = np.asarray(fig.canvas.buffer_rgba())[..., :3].astype(int)
-    assert np.abs(written - drawn).max() <= (0 if plane else 12)
