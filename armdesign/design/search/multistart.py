@@ -32,14 +32,9 @@ STARTS = 3  # where pins move
 STARTS_OF_FOUR_BARS = 6  # where these move, which have more local optima
 DRAWN_SHARE = 0.7  # of the pin box in which starts are drawn; shrunk by it until they close
 ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
-BRIEFLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-2, "looks": 1, "seen": True}
 TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}
 CURVED_ROUNDS = 4  # of second order and linearised programmes in turn, where four-bars move
 LEAST_RISE = 1e-5  # of today's lowest ω², by the last of them
-# of the moment arm of every four-bar that moves, from which the best is searched on, and how
-# many of them lead after a few steps and are followed
-ARM_SHAPES, LEADERS = 24, 6
-LEAST_GAIN = 1e-4  # of today's lowest ω²
 NAMED = 3  # requirements, of a start that failed
 LEFT_BELOW = 0.2  # of today's lowest ω²: starts that end this far below the best are left there
 
@@ -149,24 +144,34 @@ def multistart(
     for k, search in zip(near, followed, strict=True):
         searches[k] = search
     best = max(searches, key=lambda s: (s.violation < NEARLY, s.merit))
-    if problem.vector.moves_within:
-        best = _of_other_shapes(with_least_moved_pins(best), workers)
     return with_least_moved_pins(best), Starts.of(searches)
 
 
 def start_designs(
     problem: Problem, starts: int | None, seed: int, given: Array | None = None
 ) -> list[Array]:
-    """The designs that searches start from: the given one, today's machine, drawn pins."""
-    random = np.random.default_rng(seed)
-    moving = np.array([v.pin is not None for v in problem.vector.variables])
+    """The designs that searches start from: the given one, today's machine, drawn pins.
+
+    Four-bars are not drawn: each of the starts has one of another shape, see ``arm_shapes``.
+    """
+    random, vector = np.random.default_rng(seed), problem.vector
+    moving = np.array([v.pin is not None for v in vector.variables])
     designs = [] if given is None else [given]
     if starts is None:
-        starts = STARTS_OF_FOUR_BARS if problem.vector.moves_within else STARTS
-    for k in range((max(starts, 1) if problem.vector.moving else 1) - len(designs)):
-        x = problem.vector.start.copy()
+        starts = STARTS_OF_FOUR_BARS if vector.moves_within else STARTS
+    count = (max(starts, 1) if vector.moving else 1) - len(designs)
+    shapes = [
+        (list(vector.moves(i)), linkages_of_every_shape(problem, i, count - 1))
+        for i in vector.moving
+        if vector.moved_within(i) and count > 1
+    ]
+    for k in range(count):
+        x = vector.start.copy()
         x[moving] = random.uniform(-DRAWN_SHARE, DRAWN_SHARE, moving.sum()) if k > 0 else 0.0
-        designs.append(_closing(problem, x, problem.vector.start))
+        for entries, linkages in shapes:
+            for linkage in linkages[k - 1 : k] if k > 0 else ():
+                x[entries] = linkage[entries]
+        designs.append(_closing(problem, x, vector.start))
     return designs
 
 
@@ -175,43 +180,6 @@ def _closing(problem: Problem, x: Array, near: Array) -> Array:
     x = np.clip(x, *problem.bounds)
     while not problem.vector.closes(x):
         x = near + DRAWN_SHARE * (x - near)
-    return x
-
-
-def _of_other_shapes(best: Search, workers: int) -> Search:
-    """The best design, or a better one that is found with a four-bar of another shape.
-
-    Four-bars have several optima, each with moment arms of its own shape, see ``arm_shapes``.
-    After a few steps from each shape the leaders are followed.
-    """
-    problem = best.problem
-    starts = [
-        (np.array(list(problem.vector.moves(i))), x)
-        for i in problem.vector.moving
-        if problem.vector.moved_within(i)
-        for x in linkages_of_every_shape(problem, i, ARM_SHAPES)
-    ]
-    while starts:
-        designs = [_with(best.x, x, entries) for entries, x in starts]
-        # with the rows that the best one watches
-        brief = [
-            Search(problem=problem, x=x, rows=best.rows, holding=best.holding) for x in designs
-        ]
-        brief = follow_all(brief, workers, **BRIEFLY)
-        leaders = sorted(brief, key=lambda s: -s.merit)[:LEADERS]
-        other = max(follow_all(leaders, workers, **ROUGHLY), key=lambda s: s.merit)
-        if other.merit > best.merit + LEAST_GAIN:
-            other = follow(other, curved=True, **TO_THE_END)
-        if other.merit <= best.merit + LEAST_GAIN or other.violation > max(NEARLY, best.violation):
-            break
-        best = other
-    return best
-
-
-def _with(x: Array, other: Array, entries: Array) -> Array:
-    """The design x with some entries of another."""
-    x = x.copy()
-    x[entries] = other[entries]
     return x
 
 
@@ -294,14 +262,11 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else float(value)
 
 
-def follow(search: Search, curved: bool = False, seen: bool = False, **settings: Any) -> Search:
+def follow(search: Search, curved: bool = False, **settings: Any) -> Search:
     """Run a search; with SLSQP before it if ``curved`` and the requirements are nearly met.
 
-    Where four-bars move the two are repeated in turn. ``seen``: the rows that it watches already
-    are those that count.
+    Where four-bars move the two are repeated in turn.
     """
-    if seen:
-        return search.run_on(**settings)
     for _ in range(CURVED_ROUNDS if curved and search.problem.vector.moves_within else 1):
         search.look()
         before = search.merit

@@ -17,7 +17,7 @@ from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.problem import Problem
 from armdesign.design.search import multistart as module
-from armdesign.design.search.multistart import follow, multistart
+from armdesign.design.search.multistart import follow, multistart, start_designs
 from armdesign.design.search.semidefinite import programme
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.slsqp import improve_by_slsqp
@@ -40,8 +40,7 @@ def coarse(name: str, vary: tuple[str, ...]) -> Problem:
 def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches stay where they start."""
 
-    for name in ("run", "run_on"):
-        monkeypatch.setattr(Search, name, lambda search, **_: search.look())
+    monkeypatch.setattr(Search, "run", lambda search, **_: search.look())
     monkeypatch.setattr(module, "improve_by_slsqp", lambda search: search)
     monkeypatch.setattr(module, "with_least_moved_pins", lambda search: search)
 
@@ -74,13 +73,7 @@ def test_a_start_that_fails_is_named() -> None:
     assert starts.reached == (hertz(problem.dynamics.omega_squared_today),)
     assert hertz(best.squared) == starts.reached[0]
     assert len(starts.failed) == 3
-    random, moving = (
-        np.random.default_rng(0),
-        np.array([v.pin is not None for v in problem.vector.variables]),
-    )
-    x = np.where(moving, 0.0, problem.vector.start)
-    x[moving] = random.uniform(-0.7, 0.7, moving.sum())
-    assert problem.vector.closes(x)
+    x = start_designs(problem, 4, 0)[1]
     at = constraints_at(problem, x)
     assert at.names[int(at.values.argmin())] in starts.failed[0]
 
@@ -160,22 +153,21 @@ def test_slsqp_ends_where_nothing_is_better(name: str, vary: tuple[str, ...]) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "vary", "points"),
+    ("name", "vary", "points", "best"),
     [
-        ("rigid_excavator_20t", ("cylinder.bucket",), (3, 3, 5)),
-        ("rigid_mini_excavator_2t", ("areas", "linkages"), (4, 4, 5)),
-        ("mini_excavator_2t", ("areas", "linkages"), (4, 4, 5)),
+        ("rigid_excavator_20t", ("cylinder.bucket",), (3, 3, 5), 0.9312),
+        ("rigid_mini_excavator_2t", ("areas", "linkages"), (4, 4, 5), 5.474),
+        ("mini_excavator_2t", ("areas", "linkages"), (4, 4, 5), 3.731),
     ],
 )
 def test_seeds_agree_where_four_bars_move(
-    name: str, vary: tuple[str, ...], points: tuple[int, ...]
+    name: str, vary: tuple[str, ...], points: tuple[int, ...], best: float
 ) -> None:
-    """Whatever is drawn, to 0.05 %.
+    """Whatever is drawn, to 0.05 %; and none of 24 starts with drawn four-bars ends higher.
 
     The rigid mini excavator has an optimum at 5.474 Hz, where the bucket's moment arm falls over
-    its range, and others up to 5.433 Hz, where it has a hump, in which nearly all random starts
-    end: seed 1 did, from pins drawn about the best as well. As shipped, its structure yielding,
-    seeds 0 and 5 ended at 4.302 and 4.255 Hz.
+    its range, in which one of these ends, and others up to 5.433 Hz, where it has a hump. As
+    shipped, its structure yielding, 9 end at 3.731 Hz and 12 at 3.697 Hz.
     """
     machine = named(name)
     problem = Problem.of(
@@ -184,5 +176,5 @@ def test_seeds_agree_where_four_bars_move(
         requirements=Requirements.of(machine),
         vary=vary,
     )
-    reached = [hertz(multistart(problem, 2, seed, 1)[0].squared) for seed in (0, 1, 5)]
-    assert reached == pytest.approx([max(reached)] * 3, rel=5e-4)
+    reached = [hertz(multistart(problem, None, seed, 1)[0].squared) for seed in (0, 1, 5)]
+    assert reached == pytest.approx([best] * 3, rel=5e-4)
