@@ -334,8 +334,23 @@ def frequency_band(
         >>> print(f"{band.low.frequency:.2f} to {band.high.frequency:.2f} Hz")
         4.76 to 7.45 Hz
     """
-    bands = bands or Bands.of(machine)
-    corners, stated = at_corners(machine, workspace, bands, bands.ends, today, [machine])
+    return band_about(machine, workspace, bands or Bands.of(machine), today)
+
+
+def band_about(
+    machine: Machine,
+    workspace: Workspace,
+    bands: Bands,
+    today: Machine | None = None,
+    nominal: float | None = None,
+) -> FrequencyBand:
+    """As ``frequency_band``; ``nominal``: the lowest frequency [Hz] as the file says, if known."""
+    stated = [machine] if nominal is None else []
+    corners, as_stated = at_corners(machine, workspace, bands, bands.ends, today, stated)
+    if nominal is None:
+        nominal = (
+            as_stated[0].worst if as_stated else worst_frequency(machine, workspace)
+        ).frequency
     floor = np.min([lowest.frequency for lowest in corners.values()], axis=0)
     seeds = np.unique([lowest.frequency.argmin() for lowest in corners.values()])
     return FrequencyBand(
@@ -343,7 +358,7 @@ def frequency_band(
             Scenario(**of.worst._asdict(), corner=corner, starts=of.starts)
             for corner, of in corners.items()
         ),
-        nominal=(stated[0].worst if stated else worst_frequency(machine, workspace)).frequency,
+        nominal=nominal,
         sample=partial(_between, machine, workspace, bands, (floor, seeds), today),
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, ReadOnly, congruent, percentiles, weighted_share
 from armdesign.errors import PoseError
-from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
+from armdesign.frequency.bands import Bands, FrequencyBand, band_about
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.frequency.reach_map import ReachMap, reach_map
@@ -180,7 +180,8 @@ class FrequencyMap(ReadOnly):
         Raises:
             PoseError: at the soft end gravity overcomes the trapped oil.
         """
-        return frequency_band(self.machine, self.workspace, Bands.shown(self.machine))
+        bands, nominal = Bands.shown(self.machine), float(self.lowest.min())
+        return band_about(self.machine, self.workspace, bands, nominal=nominal)
 
     @property
     def holding_pressures(self) -> Array:

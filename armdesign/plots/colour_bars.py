@@ -10,8 +10,12 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
 
 
+LEVELS = 160  # of a colour scale: finer than is seen, and so few that files have all of them
+
+
 def colour_bar(ax: Axes, mesh: Any, label: str) -> Any:
     """Colour bar beside axes, exactly as high as they are, whatever their aspect."""
+    mesh.set_cmap(mesh.cmap.resampled(LEVELS))
     place = ax.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = ax.figure.colorbar(mesh, cax=place)
     bar.set_label(label)

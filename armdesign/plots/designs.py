@@ -73,6 +73,8 @@ def moment_arm_curves(machines: Mapping[str, Machine]) -> Figure:
         unused.set_visible(False)
     for (name, joint), (arms, torques) in zip(spans, pairs, strict=False):
         styles = cycle(STYLES) if len(machines) > 1 else [("-", INK)]
+        torques.sharex(arms)
+        arms.tick_params(labelbottom=False)
         known = first.arm.joints[first.joints.index(joint)]
         above = count(3.0, -0.1)  # the first above others that are the same
         for (label, of), (style, colour), z in zip(curves.items(), styles, above, strict=False):

@@ -35,14 +35,14 @@ ROUNDS = 10  # of setting up again where the answer lies, better or not;
 FAILED = 2  # after so many that are not, from the best with half as many steps;
 # half as many at once where limits bend so much that merit falls short of its promise by this
 ASTRAY = 0.1
-PROMISED = 1e-6  # of the lowest ω², relative
+PROMISED = 2e-5  # of the lowest ω², relative: less is not worth another round
 LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
 # decimals of steps to which a search's end is known, and digits of its ω²: rounding of last bits,
 # which differs from processor to processor, is not to decide where branch and bound goes
 DECIMALS, DIGITS = 3, 6
 CUTS = 8  # times of adding directions at most, to either kind of numbers, until t is
 CLOSE = 1e-6  # that near to the lowest eigenvalue
-NODES, GAP = 2_000, 1e-6  # of branch and bound
+NODES, GAP = 2_000, 1e-5  # of branch and bound
 
 
 def on_lattice(search: Search, any_will_do: bool = False) -> Search:
