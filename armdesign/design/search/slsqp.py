@@ -15,7 +15,6 @@ from armdesign.arrays import Array
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.sequential_sdp import ACTIVE, Search
 
-NEARBY = 0.3  # how far any entry of x may go in one round
 ROUNDS = 8
 MODES = 2  # of each row that are kept above the bound: they may come to cross
 ITERATIONS = 100
@@ -28,21 +27,17 @@ def improve_by_slsqp(search: Search) -> Search:
     """The search at the better design that lies near; itself if none is found.
 
     With the rows that are lowest there it goes on from where a round led, as long as others come
-    to be lowest. Where four-bars move, which bend most, also as long as a round ends only because
-    it may go no farther.
+    to be lowest.
     """
     rows = np.empty(0, dtype=int)
     best = trial = search
-    stopped = False
     for _ in range(ROUNDS):
         known, rows = rows, np.union1d(rows, _lowest(trial))
-        if len(rows) == len(known) and not stopped:
+        if len(rows) == len(known):
             break
         x = _climbed(trial, rows)
         if not search.problem.vector.closes(x):
             break
-        far = bool(np.abs(x - trial.x).max() > NEARBY * (1 - 1e-6))
-        stopped = search.problem.vector.moves_within and far
         before, trial = trial.merit, trial.at(x)
         best = max(best, trial, key=lambda s: s.merit)
         if before <= trial.merit < before + TOLERANCE:
@@ -84,8 +79,7 @@ class _Programme:
 
     def __init__(self, search: Search, rows: Array) -> None:
         self._search, self._rows = search, rows
-        low, high = search.bounds
-        self.bounds = np.maximum(low, search.x - NEARBY), np.minimum(high, search.x + NEARBY)
+        self.bounds = search.bounds
         self.free = self.bounds[1] > self.bounds[0]
         self._last: tuple[bytes, Array, Array] | None = None
 
