@@ -101,12 +101,12 @@ def write_heatmaps(frequencies: FrequencyMap, folder: Path) -> None:
 def write_lift_charts(charts: Mapping[str, LiftChart], folder: Path) -> Path | None:
     """Write lift charts as CSV and picture, of which the path; nothing where there are none."""
     from armdesign import plots
-    from armdesign.report.lift_charts import lift_frame
+    from armdesign.report.lift_charts import lift_columns
 
     if not charts:
         return None
     first, *others = charts.values()
-    write_csv(lift_frame(charts) if others else first.columns, folder / "lift_chart.csv")
+    write_csv(lift_columns(charts) if others else first.columns, folder / "lift_chart.csv")
     return plots.save(plots.lift_charts(charts), folder / "lift_chart.png")
 
 

@@ -15,7 +15,7 @@ import armdesign as ad
 from armdesign.design.design import Design
 from armdesign.design.requirements.performance import torque_shares
 from armdesign.output_reports import write_report
-from armdesign.report.lift_charts import lift_frame
+from armdesign.report.lift_charts import lift_columns
 from armdesign.report.provenance import Origin
 from armdesign.simulation.validation import validate_maps
 from armdesign.units import WORKSHOP
@@ -51,7 +51,7 @@ def test_the_first_answer_is_of_this_version() -> None:
     printed = " ".join(README.split())
     lifts = [ad.lift_chart(design.today)]
     lifts.append(ad.lift_chart(design.machine, lifts[0]))
-    frame = lift_frame(dict(zip("ab", lifts, strict=True)))
+    frame = lift_columns(dict(zip("ab", lifts, strict=True)))
     low = (frame["height_m"] < 0.5) & (frame["reach_m"] < 4)  # near the tracks
     least = frame["ratio"].round(2) <= 0.9
     torques = torque_shares(design.machine, design.today).values()

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armdesign.arrays import Array
 from armdesign.machine.lift_chart import HYDRAULIC_SHARE, TIPPING, TIPPING_SHARE, LiftChart
 from armdesign.machine.lift_chart import lift_chart_if_any as chart_if_any
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from armdesign.machine.machine import Machine
 
 TITLE = "Lift chart"
@@ -33,26 +33,26 @@ def lift_charts(machines: Mapping[str, Machine]) -> dict[str, LiftChart]:
     return charts
 
 
-def lift_frame(charts: Mapping[str, LiftChart]) -> pd.DataFrame:
+def lift_columns(charts: Mapping[str, LiftChart]) -> dict[str, Array]:
     """A row for each point that any of two machines reaches, from the highest down.
 
-    Columns are place [m], capacities [kg], their ratio, and what limits each.
+    Columns are place [m], capacities [kg], their ratio, and what limits each; NaN and None where
+    a machine does not reach.
     """
-    import pandas as pd
-
-    columns: dict[str, pd.Series] = {}
-    for kind in ("kg", "limiting"):
-        for label, chart in charts.items():
-            places = pd.MultiIndex.from_arrays([chart.height, chart.reach])
-            values = chart.capacity if kind == "kg" else np.array(chart.limiting)
-            columns[f"{label}_{kind}"] = pd.Series(values, index=places)
-    frame = pd.DataFrame(columns)
-    one, other = (f"{label}_kg" for label in charts)
+    reached = {label: list(zip(-c.height, c.reach, strict=True)) for label, c in charts.items()}
+    places = sorted({place for some in reached.values() for place in some})
+    masses, limiting = dict[str, Array](), dict[str, Array]()
+    for label, chart in charts.items():
+        rows = [bisect_left(places, place) for place in reached[label]]
+        masses[f"{label}_kg"] = np.full(len(places), np.nan)
+        limiting[f"{label}_limiting"] = np.full(len(places), None, dtype=object)
+        masses[f"{label}_kg"][rows] = chart.capacity
+        limiting[f"{label}_limiting"][rows] = chart.limiting
+    one, other = masses.values()
     with np.errstate(divide="ignore", invalid="ignore"):
-        frame.insert(2, "ratio", frame[other] / frame[one])
-    frame.index.names = ["height_m", "reach_m"]
-    frame = frame.sort_index(ascending=[False, True]).reset_index()
-    return frame[["reach_m", "height_m", *frame.columns[2:]]]
+        ratio = other / one
+    below, reach = np.transpose(places)
+    return {"reach_m": reach, "height_m": 0.0 - below, **masses, "ratio": ratio, **limiting}
 
 
 def lift_sheet(charts: Mapping[str, LiftChart], units: Units = WORKSHOP) -> Sheet:
@@ -88,17 +88,16 @@ def _grid(chart: LiftChart, units: Units) -> Sheet:
 def _list(charts: Mapping[str, LiftChart], units: Units) -> Sheet:
     """A row for each point."""
     one, other = charts
+    columns = lift_columns(charts)
     rows = []
-    for row in lift_frame(charts).to_dict("records"):
-        masses = [row[f"{label}_kg"] for label in charts]
-        limits = [row[f"{label}_limiting"] for label in charts]
-        limits = [name if isinstance(name, str) else "out of reach" for name in limits]
+    for reach, height, *masses, ratio, old, new in zip(*columns.values(), strict=True):
+        limits = [name or "out of reach" for name in (old, new)]
         rows.append(
             (
-                f"{row['height_m']:.3g}",
-                f"{row['reach_m']:.3g}",
+                f"{height:.3g}",
+                f"{reach:.3g}",
                 *("" if np.isnan(mass) else f"{mass:.0f}" for mass in masses),
-                f"{row['ratio']:.2f}" if np.isfinite(row["ratio"]) else "",
+                f"{ratio:.2f}" if np.isfinite(ratio) else "",
                 " → ".join(dict.fromkeys(limits)),
             )
         )

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.report.lift_charts import lift_charts, lift_frame, lift_sheet
+from armdesign.report.lift_charts import lift_charts, lift_columns, lift_sheet
 from tests.machines import BOOM, LIFT, STICK, build, named
 
 
@@ -22,7 +23,7 @@ def test_a_wider_bore_point_by_point(name: str) -> None:
     )
     new = today.replace({f"{path}.bore_mm": 1050 * bore, f"{path}.stroke_mm": 1000 * stroke - 0.5})
     charts = lift_charts({"today": today, "new": new})
-    frame = lift_frame(charts)
+    frame = pd.DataFrame(lift_columns(charts))
     assert list(frame) == [
         *("reach_m", "height_m", "today_kg", "new_kg", "ratio"),
         *("today_limiting", "new_limiting"),
