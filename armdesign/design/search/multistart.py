@@ -29,7 +29,7 @@ from armdesign.progress import counted
 
 OBJECTIVES = ["gain", "worst"]
 STARTS = 3  # where pins move
-STARTS_OF_FOUR_BARS = 5  # where these move, which have more local optima
+STARTS_OF_FOUR_BARS = 6  # where these move, which have more local optima
 DRAWN_SHARE = 0.7  # of the pin box in which starts are drawn; shrunk by it until they close
 ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
 TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}
@@ -152,7 +152,7 @@ def start_designs(
 ) -> list[Array]:
     """The designs that searches start from: the given one, today's machine, drawn pins.
 
-    Four-bars are not drawn: each of the starts has one of another shape, see ``_four_bars``.
+    Four-bars are not drawn: each of the starts has one of another shape, see ``arm_shapes``.
     """
     random, vector = np.random.default_rng(seed), problem.vector
     moving = np.array([v.pin is not None for v in vector.variables])
@@ -161,7 +161,7 @@ def start_designs(
         starts = STARTS_OF_FOUR_BARS if vector.moves_within else STARTS
     count = (max(starts, 1) if vector.moving else 1) - len(designs)
     four_bars = [
-        (list(vector.moves(i)), _four_bars(problem, i, count - 1))
+        (list(vector.moves(i)), linkages_of_every_shape(problem, i, count - 1))
         for i in vector.moving
         if vector.moved_within(i) and count > 1
     ]
@@ -173,16 +173,6 @@ def start_designs(
                 x[entries] = other[entries]
         designs.append(_closing(problem, x, vector.start))
     return designs
-
-
-def _four_bars(problem: Problem, i: int, count: int) -> list[Array]:
-    """Today's design but for the four-bar of cylinder ``i``: at most ``count``, of other shapes.
-
-    Of twice as many the better half: where more would have to be mended, searches fail more often.
-    """
-    designs = linkages_of_every_shape(problem, i, 2 * count)
-    merits = [Search(problem=problem, x=x).look().merit for x in designs]
-    return [designs[k] for k in sorted(np.argsort(merits)[::-1][:count])]
 
 
 def _closing(problem: Problem, x: Array, near: Array) -> Array:

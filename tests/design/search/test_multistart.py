@@ -50,7 +50,7 @@ def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     ("vary", "count"),
     [
         (("areas", "pins"), 3),
-        pytest.param(("linkages",), 5, marks=pytest.mark.slow),
+        pytest.param(("linkages",), 6, marks=pytest.mark.slow),
         (("areas",), 1),
     ],
 )
