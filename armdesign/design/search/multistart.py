@@ -169,7 +169,7 @@ def start_designs(
         x = vector.start.copy()
         x[moving] = random.uniform(-DRAWN_SHARE, DRAWN_SHARE, moving.sum()) if k > 0 else 0.0
         for entries, others in four_bars:
-            for other in others[k - 1 : k] if k > 0 else ():
+            for other in others[max(k - 1, 0) : k]:
                 x[entries] = other[entries]
         designs.append(_closing(problem, x, vector.start))
     return designs
