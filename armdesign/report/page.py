@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 WIDEST = 1500  # [pixels] of a picture on the page, as wide as ``plots.save`` writes them
-COLOURS = 128  # of one that has more than a palette: enough for maps, a third of the size
+COLOURS = 128  # of one that has no palette
 PAPER = 95  # letters in a line of a printed table
 GROUPED = ("→", "″", " ")  # how the first cell of a row begins that belongs to the one above
 
