@@ -59,9 +59,16 @@ def test_a_photograph_stays_as_it_is() -> None:
     np.testing.assert_array_equal(read(picture), dots)
 
 
-@pytest.mark.parametrize("plane", ["joints", "reach", ""])
-def test_pictures_are_written_as_drawn(plane: str, tmp_path: Path) -> None:
-    """19 of 20 dots are as drawn, of areas 999 of 1000; none is off by more than 20 of 255."""
+@pytest.mark.parametrize(
+    ("plane", "areas_stay", "most"), [("joints", 1.0, 12), ("reach", 0.999, 20), ("", 1.0, 12)]
+)
+def test_pictures_are_written_as_drawn(
+    plane: str, areas_stay: float, most: int, tmp_path: Path
+) -> None:
+    """19 of 20 dots are as drawn and all areas, no edge is off by more than 12 of 255.
+
+    Where a machine is drawn over a field, 999 of 1000 dots of areas, and 20.
+    """
     fig = plots.moment_arm_curves({"today": named("excavator_20t")})
     if plane:
         fig = plots.map_figure(mapped("excavator_20t", 18), plane)
@@ -72,5 +79,5 @@ def test_pictures_are_written_as_drawn(plane: str, tmp_path: Path) -> None:
     off, alike = np.abs(written - drawn).max(axis=2), drawn[:-1, :-1] == drawn[1:, :-1]
     areas = (alike & (drawn[:-1, :-1] == drawn[:-1, 1:])).all(axis=2)
     assert (off == 0).mean() > 0.95
-    assert (off[:-1, :-1][areas] == 0).mean() > 0.999
-    assert off.max() <= 20
+    assert (off[:-1, :-1][areas] == 0).mean() >= areas_stay
+    assert off.max() <= most

@@ -161,16 +161,16 @@ def start_designs(
         starts = STARTS_OF_FOUR_BARS if vector.moves_within else STARTS
     count = (max(starts, 1) if vector.moving else 1) - len(designs)
     four_bars = [
-        (list(vector.moves(i)), linkages_of_every_shape(problem, i, count - 1))
+        (list(vector.moves(i)), [vector.start, *linkages_of_every_shape(problem, i, count - 1)])
         for i in vector.moving
         if vector.moved_within(i) and count > 1
     ]
     for k in range(count):
         x = vector.start.copy()
         x[moving] = random.uniform(-DRAWN_SHARE, DRAWN_SHARE, moving.sum()) if k > 0 else 0.0
-        for entries, others in four_bars:
-            for other in others[max(k - 1, 0) : k]:
-                x[entries] = other[entries]
+        for entries, linkages in four_bars:
+            if k < len(linkages):
+                x[entries] = linkages[k][entries]
         designs.append(_closing(problem, x, vector.start))
     return designs
 

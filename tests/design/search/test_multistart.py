@@ -74,6 +74,7 @@ def test_a_start_that_fails_is_named() -> None:
     assert hertz(best.squared) == starts.reached[0]
     assert len(starts.failed) == 3
     x = start_designs(problem, 4, 0)[1]
+    assert problem.vector.closes(x)
     at = constraints_at(problem, x)
     assert at.names[int(at.values.argmin())] in starts.failed[0]
 
