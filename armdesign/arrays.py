@@ -109,9 +109,11 @@ def side_by_side(values: Iterable[Any]) -> Array:
     Each of the k values is one number, or one for each of n rows.
     """
     columns = list(values)
-    if any(isinstance(column, np.ndarray) for column in columns):
-        return np.stack(np.broadcast_arrays(*columns), axis=-1)
-    return np.array(columns) if columns else np.zeros(0)
+    rows = next((column.shape for column in columns if isinstance(column, np.ndarray)), ())
+    together = np.empty((*rows, len(columns)), np.result_type(float, *columns))
+    for k, column in enumerate(columns):
+        together[..., k] = column
+    return together
 
 
 def percentiles(

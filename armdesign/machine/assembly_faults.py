@@ -309,7 +309,8 @@ def _scaled(
         if key := LENGTHS.get(name):
             cylinder = dataclasses.replace(cylinder, **{key: factor * getattr(cylinder, key)})
         else:
-            linkage = linkage.with_place(name, [factor * x for x in linkage.place(name) or ()])
+            at = [factor * x for x in linkage.place(name) or ()]
+            linkage = linkage.with_places({name: at})
     return linkage, cylinder
 
 

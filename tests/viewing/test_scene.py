@@ -93,7 +93,7 @@ def test_every_solid_is_carried_and_closed(name: str) -> None:
 def test_a_four_bar_that_does_not_close_has_no_place() -> None:
     """Of the 20 t machine with a rocker that is too short for most of the bucket's poses."""
     machine = named("excavator_20t")
-    linkages = [*machine.linkages[:2], machine.linkages[2].with_place("rocker", (0.3,))]
+    linkages = [*machine.linkages[:2], machine.linkages[2].with_places({"rocker": (0.3,)})]
     machine = replace(machine, linkages=tuple(linkages))
     scene, rng = scene_of(machine), np.random.default_rng(1)
     q = rng.uniform(-np.pi, np.pi, (200, len(machine.joints)))

@@ -170,7 +170,7 @@ class DesignVector:
             if v.pin is not None:
                 at = list(linkages[v.cylinder].place(v.pin) or ())
                 at[v.axis] += float(value) * self.pin_box
-                linkages[v.cylinder] = linkages[v.cylinder].with_place(v.pin, at)
+                linkages[v.cylinder] = linkages[v.cylinder].with_places({v.pin: at})
         return tuple(linkages)
 
     def drives(self, x: Array) -> tuple[Drive, ...]:

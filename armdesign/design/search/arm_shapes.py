@@ -8,6 +8,7 @@ arm has a dead centre or nearly so.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ LINKAGES = 4096  # linkages, evenly over their box
 AT_A_TIME = 256  # of them, which stay in a cache
 LEAST = 0.5  # of today's smallest arm, of linkages that count
 PLACES = 10  # steps between poses of the joint's range where shapes are compared
+ALIKE = 0.02  # root mean square of r/mean by which shapes differ that lead to one optimum
 
 
 def linkages_of_every_shape(problem: Problem, i: int, count: int) -> list[Array]:
@@ -42,13 +44,38 @@ def linkages_of_every_shape(problem: Problem, i: int, count: int) -> list[Array]
     enough = np.all(arms / np.sign(today) >= least, axis=1)  # NaN: does not close
     designs = np.vstack([problem.vector.start, drawn[enough]])
     arms = np.vstack([today, arms[enough]])
-    shape = np.log(np.abs(arms[:, :: max(1, len(today) // PLACES)]))
-    shape -= shape.mean(axis=1, keepdims=True)
+    shape = _shapes(arms)
     chosen, distance = [0], np.full(len(shape), np.inf)
     while len(chosen) <= min(count, len(shape) - 1):
         distance = np.minimum(distance, np.linalg.norm(shape - shape[chosen[-1]], axis=1))
         chosen.append(int(distance.argmax()))
     return [designs[k] for k in chosen[1:]]
+
+
+def of_other_shapes(problem: Problem, designs: Sequence[Array]) -> list[int]:
+    """Which designs x have a moment arm of another shape than all of those before them."""
+    vector, shapes = problem.vector, []
+    compared = [i for i in vector.moving if vector.range_poses[i] is not None]
+    for x in designs:
+        drives = vector.drives(x)
+        arms = [
+            drives[i].actuation(poses).moment_arm[:, drives[i].joints[0]]
+            for i in compared
+            if (poses := vector.range_poses[i]) is not None
+        ]
+        shapes.append(_shapes(np.array(arms)))
+    chosen: list[int] = []
+    for k, shape in enumerate(shapes):
+        apart = [np.sqrt(np.mean((shape - shapes[j]) ** 2, axis=1)).max() for j in chosen]
+        if all(each > ALIKE for each in apart):
+            chosen.append(k)
+    return chosen
+
+
+def _shapes(arms: Array) -> Array:
+    """ln(r/mean) at some poses of the ranges (m, n) of moment arms at all of them (m, k)."""
+    logarithm = np.log(np.abs(arms[:, :: max(1, arms.shape[1] // PLACES)]))
+    return np.asarray(logarithm - logarithm.mean(axis=1, keepdims=True))
 
 
 @np.errstate(invalid="ignore", divide="ignore")
@@ -66,7 +93,5 @@ def _moment_arms(problem: Problem, i: int, designs: Array) -> Array:
     }
     for entry, (name, axis) in moves.items():
         places[name][axis] = places[name][axis] + rows[:, entry] * vector.pin_box
-    for name, at in places.items():
-        linkage = linkage.with_place(name, at)
-    span = linkage.span(poses[np.tile(np.arange(len(poses)), len(designs))])
+    span = linkage.with_places(places).span(poses[np.tile(np.arange(len(poses)), len(designs))])
     return span.dot(span).sqrt().first[:, 0].reshape(len(designs), -1)

@@ -109,7 +109,7 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
             pairs = zip(*both, strict=True)
             at = [_rounded(value / mm, before / mm, limit, grid) for value, before in pairs]
             changes[f"{name}.{linkages[i].key_of(place)}"] = at if len(at) > 1 else at[0]
-            linkages[i] = linkages[i].with_place(place, [value * mm for value in at])
+            linkages[i] = linkages[i].with_places({place: [value * mm for value in at]})
         poses = problem.vector.range_poses[i]
         if poses is None:
             continue

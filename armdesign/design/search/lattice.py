@@ -15,7 +15,9 @@ the answer.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -41,8 +43,8 @@ LONGER = 1e-6  # that each step of a closed length costs: of equal designs the s
 # which differs from processor to processor, is not to decide where branch and bound goes
 DECIMALS, DIGITS = 3, 6
 CUTS = 8  # times of adding directions at most, to either kind of numbers, until t is
-CLOSE = 1e-6  # that near to the lowest eigenvalue
-NODES, GAP = 2_000, 1e-5  # of branch and bound
+CLOSE = 1e-5  # that near to the lowest eigenvalue, which is as near
+NODES, GAP = 2_000, 1e-5  # as branch and bound comes to the best
 
 
 def on_lattice(search: Search, any_will_do: bool = False) -> Search:
@@ -177,19 +179,36 @@ class Lattice:
         rows = rows[:0] if self.any_will_do else rows
         dynamics, limits = search.problem.dynamics, trial.limits
         base, of_x = dynamics.scaled_stiffness_and_gradient(trial.x, rows, squared)
-        unit, count = self.unit, len(self.entries)
+        unit = self.unit
         slopes = [unit[v] * of_x[entry] for v, entry in enumerate(self.entries)]
         jacobian = [unit[v] * limits.jacobian[:, entry] for v, entry in enumerate(self.entries)]
-        own = self.origin + unit * self.numbers(about)
-        for v in range(count, len(own)):
-            longer = own[count:].copy()
-            longer[v - count] += unit[v]
-            other = _with_lengths(search.problem, self.cylinders, longer)
+        for other in self._longer(about):
             stiffness = other.dynamics.scaled_stiffness(trial.x, rows, trial.x, squared)
             slopes.append(stiffness - base)
-            jacobian.append(constraints_at(other, trial.x, search.holding).values - limits.values)
+        jacobian += self._limits_by_length
         scale = search.reference
         return base / scale, np.array(slopes) / scale, limits.values, np.array(jacobian).T
+
+    def _longer(self, about: Point) -> Iterator[Problem]:
+        """The problem of a design with each closed length and stroke a step longer."""
+        count, numbers = len(self.entries), self.numbers(about)
+        for v in range(count, len(numbers)):
+            numbers[v] += 1
+            lengths = (self.origin + self.unit * numbers)[count:]
+            yield _with_lengths(about.search.problem, self.cylinders, lengths)
+            numbers[v] -= 1
+
+    @cached_property
+    def _limits_by_length(self) -> list[Array]:
+        """Changes of the limits (m,) by a step of each closed length and stroke.
+
+        They hardly depend on where the pins are.
+        """
+        search, trial = self.start.search, self.start.trial
+        return [
+            constraints_at(other, trial.x, search.holding).values - trial.limits.values
+            for other in self._longer(self.start)
+        ]
 
 
 def _with_lengths(problem: Problem, cylinders: list[int], lengths: Array) -> Problem:

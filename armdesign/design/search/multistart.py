@@ -15,7 +15,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
 from armdesign.design.requirements.places import pins_outside
 from armdesign.design.requirements.settings import Requirements
-from armdesign.design.search.arm_shapes import linkages_of_every_shape
+from armdesign.design.search.arm_shapes import linkages_of_every_shape, of_other_shapes
 from armdesign.design.search.canonical_pins import least_moved_pins
 from armdesign.design.search.sequential_sdp import NEARLY, Search
 from armdesign.design.search.slsqp import improve_by_slsqp
@@ -113,7 +113,7 @@ class Starts:
 
     @classmethod
     def of(cls, searches: Sequence[Search]) -> Starts:
-        """Outcomes of searches that ended, or were left because others are better."""
+        """Outcomes of searches that ended, or were left for better ones."""
         failures = [_failure(search) for search in searches]
         reached = [hertz(s.squared) for s, why in zip(searches, failures, strict=True) if not why]
         return cls(tuple(reached), tuple(why for why in failures if why))
@@ -134,12 +134,15 @@ def multistart(
 
     Starts are the design ``given``, if any, today's machine and random pins, ``starts`` in all
     (None: ``STARTS``, or ``STARTS_OF_FOUR_BARS`` where four-bars move). Every start is searched
-    roughly; those that come near the best are searched to the end, with SLSQP too.
+    roughly. Those that come near the best are searched to the end, with SLSQP too: of several
+    whose moment arms have come to one shape, that is, near one optimum, the best.
     """
     searches = [Search(problem=problem, x=x) for x in start_designs(problem, starts, seed, given)]
     searches = follow_all(searches, workers, **ROUGHLY)
     least = max(s.merit for s in searches) - LEFT_BELOW
-    near = [k for k, search in enumerate(searches) if search.merit >= least]
+    order = sorted(range(len(searches)), key=lambda k: searches[k].merit, reverse=True)
+    near = [k for k in order if searches[k].merit >= least]
+    near = [near[k] for k in of_other_shapes(problem, [searches[k].x for k in near])]
     followed = follow_all([searches[k] for k in near], workers, curved=True, **TO_THE_END)
     for k, search in zip(near, followed, strict=True):
         searches[k] = search

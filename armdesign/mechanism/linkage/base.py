@@ -11,7 +11,7 @@ H_jk = (d_j·d_k + d·d_jk − r_j r_k)/ℓ  with d = P − B.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self, TypeAlias
@@ -145,13 +145,19 @@ class Linkage(Drive):
         pin = self.pin(name)
         return None if pin is None else pin.at
 
-    def with_place(self, name: str, at: Sequence[float]) -> Self:
-        """The linkage with a pin elsewhere in its link, or a bar of another length [m]."""
-        self._refuse_unknown(name)
-        pin = self.pin(name)
-        place: Any = tuple(at)
-        changed: Any = at[0] if pin is None else replace(pin, at=place)
-        return replace(self, **{name: changed})
+    def with_places(self, places: Mapping[str, Sequence[float]]) -> Self:
+        """The linkage with pins elsewhere in their links and bars of other lengths [m], by name.
+
+        Raises:
+            ValueError: it has no such place.
+        """
+        changed: dict[str, Any] = {}
+        for name, at in places.items():
+            self._refuse_unknown(name)
+            pin = self.pin(name)
+            place: Any = tuple(at)
+            changed[name] = at[0] if pin is None else replace(pin, at=place)
+        return replace(self, **changed)
 
     def _refuse_unknown(self, place: str) -> None:
         if place not in self.places:
@@ -224,15 +230,14 @@ class Linkage(Drive):
         In k·``count`` rows: ``count`` of them for each coordinate. The imaginary part of what is
         computed from it, over the step, is its exact derivative.
         """
-        linkage = self
-        for name in dict.fromkeys(name for name, _ in moves):
-            self._refuse_unknown(name)
-            at = np.array([self.place(name)] * len(moves), dtype=complex)
-            for k, (moved, axis) in enumerate(moves):
-                if moved == name:
-                    at[k, axis] += 1j * step
-            linkage = linkage.with_place(name, list(np.repeat(at, count, axis=0).T))
-        return linkage
+        at: dict[str, Array] = {}
+        for k, (name, axis) in enumerate(moves):
+            if name not in at:
+                self._refuse_unknown(name)
+                at[name] = np.array([self.place(name)] * len(moves), dtype=complex)
+            at[name][k, axis] += 1j * step
+        places = {name: list(np.repeat(rows, count, axis=0).T) for name, rows in at.items()}
+        return self.with_places(places)
 
     def stepped_actuation(
         self, poses: RigidPoses, moves: Sequence[Move], step: float

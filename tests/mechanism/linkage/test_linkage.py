@@ -98,7 +98,7 @@ def test_places_of_another_kind() -> None:
         step = np.zeros(len(linkage.place(place) or ()))
         step[axis] = 1e-6
         ends = [
-            linkage.with_place(place, tuple(np.array(linkage.place(place)) + sign * step))
+            linkage.with_places({place: tuple(np.array(linkage.place(place)) + sign * step)})
             for sign in (1, -1)
         ]
         exact = linkage.stepped_actuation(poses, [(place, axis)], 1e-30)

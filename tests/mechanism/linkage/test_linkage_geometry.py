@@ -46,7 +46,7 @@ def test_steps_are_derivatives_by_every_pin_and_bar(machine: ad.Machine, place: 
             with pytest.raises(ValueError, match=place):
                 linkage.stepped_actuation(poses, [(place, 0)], step)
             with pytest.raises(ValueError, match=place):
-                linkage.with_place(place, (0.0, 0.0, 0.0))
+                linkage.with_places({place: (0.0, 0.0, 0.0)})
             continue
         moves = [(place, axis) for axis in range(len(at))]
         exact = linkage.stepped_actuation(poses, moves, step)
@@ -54,7 +54,7 @@ def test_steps_are_derivatives_by_every_pin_and_bar(machine: ad.Machine, place: 
         for rows, change in zip(
             np.split(np.arange(len(exact.length)), len(at)), shift, strict=True
         ):
-            ends = [linkage.with_place(place, np.array(at) + sign * change) for sign in (1, -1)]
+            ends = [linkage.with_places({place: np.array(at) + sign * change}) for sign in (1, -1)]
             known = [end.actuation(poses) for end in ends]
             for name in ("length", "moment_arm", "moment_arm_derivative"):
                 new, old = (getattr(one, name) for one in known)
@@ -66,21 +66,21 @@ def test_steps_are_derivatives_by_every_pin_and_bar(machine: ad.Machine, place: 
             slopes = stepped.transmission(poses.repeated(len(at))).imag.reshape(len(at), -1)
             for slope, change in zip(slopes / step, shift, strict=True):
                 new, old = (
-                    linkage.with_place(place, np.array(at) + sign * change).transmission(poses)
+                    linkage.with_places({place: np.array(at) + sign * change}).transmission(poses)
                     for sign in (1, -1)
                 )
                 assert_allclose(slope, (new - old) / 2e-6, rtol=1e-6, atol=1e-9)
 
 
 def test_a_moved_pin_is_where_it_was_put() -> None:
-    """`with_place` changes one place and nothing else, and gives back what it was given."""
+    """`with_places` changes one place and nothing else, and gives back what it was given."""
     linkage = named("excavator_20t").linkages[2]
     for place in FOUR_BAR:
         at = linkage.place(place)
         assert at is not None
-        moved = linkage.with_place(place, tuple(value + 0.01 for value in at))
+        moved = linkage.with_places({place: tuple(value + 0.01 for value in at)})
         assert_allclose(moved.place(place), np.array(at) + 0.01, rtol=1e-15)
-        assert moved.with_place(place, at) == linkage
+        assert moved.with_places({place: at}) == linkage
 
 
 def test_the_knee_is_on_its_side_and_at_both_bars() -> None:
