@@ -37,7 +37,7 @@ ROOMS = (
     *("design.catalogue.sizes", "design.requirements", "design.program", "design.search"),
     *("design.catalogue", "design.bound", "design"),
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
-    *("control", "optimization", "motion"),
+    *("control", "bandwidth_search", "optimization", "motion"),
     *("drawing", "exchange", "plots", "viewing", "report", "paper", "influence", "sweeps"),
     *("output", "options", "option_values", "json_document", "runs"),
     "output_reports",

@@ -16,27 +16,26 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.problem import Problem
 
-LINKAGES = 4096  # linkages, evenly over their box
+LINKAGES = 2048  # linkages drawn in their box
 AT_A_TIME = 256  # of them, which stay in a cache
 LEAST = 0.5  # of today's smallest arm, of linkages that count
 PLACES = 10  # steps between poses of the joint's range where shapes are compared
 ALIKE = 0.02  # root mean square of r/mean by which shapes differ that lead to one optimum
 
 
-def linkages_of_every_shape(problem: Problem, i: int, count: int) -> list[Array]:
+def linkages_of_every_shape(
+    problem: Problem, i: int, count: int, random: np.random.Generator
+) -> list[Array]:
     """Designs x, today's but for the linkage of cylinder ``i``, of at most ``count`` shapes.
 
-    Shapes are compared by ln(r/mean); each is the one farthest from all before it, the first of
-    them from today's. Fewer, or none, where not so many linkages close and keep half of today's
-    smallest arm. The answer depends on the problem alone.
+    Shapes of drawn linkages are compared by ln(r/mean); each is the one farthest from all before
+    it, the first of them from today's. Fewer, or none, where not so many linkages close and keep
+    half of today's smallest arm.
     """
-    from scipy.stats import qmc
-
     entries = np.array(list(problem.vector.moves(i)))
     low, high = (end[entries] for end in problem.bounds)
-    shares = qmc.Sobol(len(entries), scramble=False).random(LINKAGES)
     drawn = np.tile(problem.vector.start, (LINKAGES, 1))
-    drawn[:, entries] = low + shares * (high - low)
+    drawn[:, entries] = random.uniform(low, high, (LINKAGES, len(entries)))
     parts = np.array_split(drawn, LINKAGES // AT_A_TIME)
     arms = np.concatenate([_moment_arms(problem, i, part) for part in parts])
     today = problem.vector.arms_today[i]

@@ -155,7 +155,7 @@ def start_designs(
 ) -> list[Array]:
     """The designs that searches start from: the given one, today's machine, drawn pins.
 
-    Four-bars are not drawn: each of the starts has one of another shape, see ``arm_shapes``.
+    Of drawn four-bars those of the most different shapes, see ``arm_shapes``.
     """
     random, vector = np.random.default_rng(seed), problem.vector
     moving = np.array([v.pin is not None for v in vector.variables])
@@ -163,19 +163,16 @@ def start_designs(
     if starts is None:
         starts = STARTS_OF_FOUR_BARS if vector.moves_within else STARTS
     count = (max(starts, 1) if vector.moving else 1) - len(designs)
-    four_bars = [
-        (list(vector.moves(i)), [vector.start, *linkages_of_every_shape(problem, i, count - 1)])
-        for i in vector.moving
-        if vector.moved_within(i) and count > 1
-    ]
-    for k in range(count):
-        x = vector.start.copy()
-        x[moving] = random.uniform(-DRAWN_SHARE, DRAWN_SHARE, moving.sum()) if k > 0 else 0.0
-        for entries, linkages in four_bars:
-            if k < len(linkages):
-                x[entries] = linkages[k][entries]
-        designs.append(_closing(problem, x, vector.start))
-    return designs
+    others = [vector.start.copy() for _ in range(count)]
+    for x in others[1:]:
+        x[moving] = random.uniform(-DRAWN_SHARE, DRAWN_SHARE, moving.sum())
+    for i in vector.moving if count > 1 else ():
+        if vector.moved_within(i):
+            entries = list(vector.moves(i))
+            linkages = linkages_of_every_shape(problem, i, count - 1, random)
+            for x, of_shape in zip(others[1:], linkages, strict=False):
+                x[entries] = of_shape[entries]
+    return [*designs, *(_closing(problem, x, vector.start) for x in others)]
 
 
 def _closing(problem: Problem, x: Array, near: Array) -> Array:

@@ -7,7 +7,11 @@ import pytest
 
 from armdesign import Workspace
 from armdesign.design.program.problem import Problem
-from armdesign.design.search.arm_shapes import _moment_arms, linkages_of_every_shape
+from armdesign.design.search.arm_shapes import (
+    _moment_arms,
+    linkages_of_every_shape,
+    of_other_shapes,
+)
 from armdesign.design.search.multistart import formulate
 from tests.machines import named
 
@@ -42,7 +46,7 @@ def test_every_shape_of_random_linkages_has_one_like_it() -> None:
     vector, (low, high) = problem.vector, problem.bounds
     entries, today = list(vector.moves(BUCKET)), vector.arms_today[BUCKET]
     least, sign = 0.5 * np.abs(today).min(), np.sign(today[0])
-    chosen = linkages_of_every_shape(problem, BUCKET, 24)
+    chosen = linkages_of_every_shape(problem, BUCKET, 24, np.random.default_rng(0))
     for x in chosen:
         assert vector.closes(x)
         np.testing.assert_array_equal(np.delete(x, entries), np.delete(vector.start, entries))
@@ -66,8 +70,29 @@ def test_every_shape_of_random_linkages_has_one_like_it() -> None:
 
 @pytest.mark.slow
 def test_the_same_shapes_whenever_asked() -> None:
-    once, again = (linkages_of_every_shape(mini_with_linkages(), BUCKET, 5) for _ in range(2))
+    once, again = (
+        linkages_of_every_shape(mini_with_linkages(), BUCKET, 5, np.random.default_rng(0))
+        for _ in range(2)
+    )
     np.testing.assert_array_equal(once, again)
+
+
+def test_of_designs_whose_arms_have_one_shape_the_first_remains() -> None:
+    """Shapes differ by root mean squares above 2 % of any cylinder's arm over its mean."""
+    problem = mini_with_linkages()
+    start, boom = problem.vector.start, list(problem.vector.moves(0))
+    others = linkages_of_every_shape(problem, BUCKET, 3, np.random.default_rng(0))
+    assert of_other_shapes(problem, [start, start, *others, others[1]]) == [0, 2, 3, 4]
+    linkage, poses = problem.vector.linkages(start)[0], problem.vector.range_poses[0]
+    assert poses is not None
+    known = linkage.actuation(poses).moment_arm[:, 0]
+    for way, remain in ((0.01, [0]), (0.3, [0, 1])):
+        moved = start.copy()
+        moved[boom] += way
+        arm = problem.vector.linkages(moved)[0].actuation(poses).moment_arm[:, 0]
+        apart = np.ptp(shapes_of([known, arm]), axis=0)
+        assert (float(np.sqrt(np.mean(apart**2))) > 0.02) == (len(remain) > 1)
+        assert of_other_shapes(problem, [start, moved]) == remain
 
 
 def test_arms_of_many_linkages_are_those_of_each() -> None:
