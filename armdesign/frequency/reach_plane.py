@@ -13,7 +13,7 @@ import numpy as np
 from armdesign.arrays import Array, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import Axes, steps_along
-from armdesign.frequency.spread import edge_poses, wrapped
+from armdesign.frequency.spread import edge_poses
 from armdesign.machine import reaching
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
@@ -54,7 +54,7 @@ def poses_on_cells(
         ArmDesignError: no pose brings the tool to a cell's middle.
     """
     ranges = np.array([[axis[0], axis[-1]] for axis in axes])
-    places, _ = place_and_slopes(machine, grid)
+    places = reach_and_height(machine, grid)
     cells = _Squares(places.min(axis=0), np.ptp(places, axis=0).max() / count)
     starts, everywhere = cells.of(places), np.ones_like(grid)
     q, cell, which = _onto_middles(machine, ranges, cells, grid, starts, everywhere)
@@ -67,7 +67,7 @@ def poses_on_cells(
     weights = np.bincount(posture, weights=weights[which])
     parts = [(q[first], cell[first])]
     for edge, payload in edge_poses(machine, ranges, STARTS * len(np.unique(cell, axis=0))):
-        starts = cells.of(place_and_slopes(machine, edge)[0])
+        starts = cells.of(reach_and_height(machine, edge))
         chosen = np.sort(_postures(axes, edge, starts)[0])
         edge, starts = edge[chosen], starts[chosen]
         between_ends = ((edge > ranges[:, 0]) & (edge < ranges[:, 1])).astype(float)
@@ -144,14 +144,10 @@ def place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tup
     place, slope = place_and_slopes(machine, q)
     if payload is None or payload.link is None:
         return place, slope
-    arm, step = machine.arm, 1e-6
-    pitch = payload.limited_angle(arm, arm.kinematics(q))
-    turned = (arm.kinematics(q + step * one) for one in np.eye(q.shape[1]))
-    ahead = [payload.limited_angle(arm, rigid) for rigid in turned]
-    slopes = np.stack([wrapped(angle - pitch) / step for angle in ahead], axis=1)
-    rows = (place, pitch[:, None]), (slope, slopes[:, None])
-    values, derivatives = (np.concatenate(pair, axis=1) for pair in rows)
-    return values, derivatives
+    arm, rigid = machine.arm, machine.arm.kinematics(q)
+    pitch = payload.limited_angle(arm, rigid)
+    pitching = arm.pitch_slopes(rigid, payload.link, tuple(range(q.shape[1])))
+    return np.column_stack([place, pitch]), np.concatenate([slope, pitching[:, None]], axis=1)
 
 
 def place_and_slopes(machine: Machine, q: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.frequency.joint_grid import nearest
-from armdesign.frequency.reach_plane import place_and_slopes
+from armdesign.frequency.reach_plane import place_and_pitch, place_and_slopes
 from armdesign.machine.machine import Machine
 
 STARTS = 12  # known places from which the tool is led into a cell
@@ -21,7 +21,6 @@ STALLED = 0.99  # of what was missed a step before, at which it is given up
 ROUNDS = 4  # of a step, after which what leans against an end, or would leave a cell, is known
 WITHIN = 1e-4  # of a cell, how far from its border the tool is to be
 DAMPING = 1e-3  # of a cell, motion that a joint's whole range must make at least
-PROBE = 1e-6  # change of a joint [rad, m] by which the slope of a pitch is taken
 
 
 def poses_over_rim(
@@ -66,8 +65,7 @@ def led_into_cells(
     half = (0.5 - WITHIN) * size
     q, left, before = starts.copy(), np.arange(len(starts)), np.full(len(starts), np.inf)
     for _ in range(STEPS):
-        place, slope = place_and_slopes(machine, q[left])
-        beyond, tips = _tipped(machine, q[left], size)
+        place, slope, beyond = _place_and_tip(machine, q[left], size)
         least = np.column_stack([middles[left] - half - place, np.full(len(left), -np.inf)])
         most = np.column_stack([middles[left] + half - place, -beyond])
         missed = np.linalg.norm(np.clip(0, least, most), axis=1)
@@ -76,7 +74,7 @@ def led_into_cells(
         left = left[nearer]
         if len(left) == 0:
             break
-        slopes = np.concatenate([slope, tips[:, None]], axis=1)[nearer] * (high - low)
+        slopes = slope[nearer] * (high - low)
         way = _step(slopes, least[nearer], most[nearer], q[left], ranges, size)
         q[left] = np.clip(q[left] + way, low, high)
     return q
@@ -112,19 +110,18 @@ def _step(slopes: Array, least: Array, most: Array, q: Array, ranges: Array, siz
     return np.asarray(way * (high - low))
 
 
-def _tipped(machine: Machine, q: Array, size: float) -> tuple[Array, Array]:
-    """Angle by which a load case's link is out of its pitch range (n,), and its slopes (n, nq).
+def _place_and_tip(machine: Machine, q: Array, size: float) -> tuple[Array, Array, Array]:
+    """Places (n, 2), slopes (n, 3, nq), and the angle that a load case's link is tipped too far.
 
-    An angle of one radian counts as a cell's size, in which places are measured. Within the range
-    the angle is negative and has no slopes.
+    An angle (n,) of one radian counts as a cell's size, in which places are measured. Within the
+    pitch range it is negative and has no slopes.
     """
-
-    def excess(poses: Array) -> Array:
-        return machine.pitch_excess(machine.arm.kinematics(poses), machine.payload)
-
-    beyond = excess(q) if machine.payload.limits else np.full(len(q), -np.inf)
-    slopes = np.zeros_like(q)
-    tipped = beyond > 0
-    for joint, probe in enumerate(PROBE * np.eye(q.shape[1])) if tipped.any() else ():
-        slopes[tipped, joint] = (excess(q[tipped] + probe) - beyond[tipped]) / PROBE
-    return beyond * size, slopes * size
+    payload = machine.payload
+    if not payload.limits:
+        place, slope = place_and_slopes(machine, q)
+        return place, np.pad(slope, ((0, 0), (0, 1), (0, 0))), np.full(len(q), -np.inf)
+    value, slope = place_and_pitch(machine, q, payload)
+    offset, (low, high) = payload.offset(value[:, 2]), payload.limits
+    beyond = np.abs(offset) - (high - low) / 2
+    slope[:, 2] *= size * np.where(beyond > 0, np.sign(offset), 0.0)[:, None]
+    return value[:, :2], slope, size * beyond

@@ -46,9 +46,13 @@ class LoadCase:
 
     def from_middle(self, arm: Arm, rigid: RigidPoses) -> Array:
         """Limited angle from the middle of its limits, within half a turn (n,) [rad]."""
+        return self.offset(self.limited_angle(arm, rigid))
+
+    def offset(self, angle: Array) -> Array:
+        """A limited angle (n,) from the middle of its limits, within half a turn [rad]."""
         low, high = self.limits
-        offset = self.limited_angle(arm, rigid) - (low + high) / 2
-        return np.asarray(np.arctan2(np.sin(offset), np.cos(offset)))
+        turn = angle - (low + high) / 2
+        return np.asarray(np.arctan2(np.sin(turn), np.cos(turn)))
 
     def room(self, arm: Arm, rigid: RigidPoses, *, upper: bool) -> Array:
         """Angle left to the upper limit or the lower one (n,) [rad]."""
