@@ -16,6 +16,7 @@ import numpy as np
 from armdesign.design.program.constraints import evaluations_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.sequential_sdp import Search
+from armdesign.design.search.slsqp import improve_by_slsqp
 from armdesign.design.search.trust_region import box_around
 from armdesign.errors import InfeasibleError
 
@@ -106,5 +107,7 @@ def _gain(optimum: Search, names: Sequence[str], expected: float) -> float:
     more = RELAXED * high * np.isin(_pin_boxes(optimum.problem), names)
     problem = optimum.problem.relaxed(dict.fromkeys(names, RELAXED))
     eased = optimum.of(problem, optimum.x, (low - more, high + more))
+    if problem.vector.moves_within:  # steps would zigzag
+        eased = improve_by_slsqp(eased.look())
     eased.run_on(TRUST, max(FINE, ENOUGH * expected), LOOKS)
     return math.sqrt(max(eased.squared / optimum.squared, 1.0)) - 1
