@@ -43,7 +43,7 @@ def optimize(
             "cylinder.stick.base.at_mm.0").
         starts: how many starts the search makes; the first is today's machine, the others are
             drawn in the pin box, four-bars of many that are drawn those whose moment arms differ
-            most in shape. None: 3, or 6 where four-bars move.
+            most in shape. None: 3, or 4 where four-bars move.
         seed: of the drawn starts. The same seed gives the same answer.
         workers: processes that share the starts. The answer does not depend on it; a process takes
             some seconds to set up, so that it pays from about ten starts, or three with four-bars.

@@ -107,7 +107,7 @@ ObjectiveOption = Annotated[
 StartsOption = Annotated[
     int | None,
     typer.Option(
-        "--starts", min=1, help="Starts of the search; default: 3, or 6 where four-bars move."
+        "--starts", min=1, help="Starts of the search; default: 3, or 4 where four-bars move."
     ),
 ]
 StartsOfSetsOption = Annotated[

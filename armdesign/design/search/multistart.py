@@ -29,7 +29,7 @@ from armdesign.progress import counted
 
 OBJECTIVES = ["gain", "worst"]
 STARTS = 3  # where pins move
-STARTS_OF_FOUR_BARS = 6  # where these move, which have more local optima
+STARTS_OF_FOUR_BARS = 4  # where these move, which have more local optima
 DRAWN_SHARE = 0.7  # of the pin box in which starts are drawn; shrunk by it until they close
 ROUGHLY: dict[str, Any] = {"trust": 0.2, "tolerance": 2e-3, "looks": 3}
 TO_THE_END: dict[str, Any] = {"trust": 0.05, "tolerance": 1e-5}

@@ -266,7 +266,7 @@ class Search:
             model = self.linearised(trial, self.active(trial.squared, spoilers), box)
             answer = model.solve(box)
             promised = answer.value - PENALTY * answer.violation - trial.merit
-            if promised < tolerance:
+            if promised < tolerance * max(1.0, -trial.merit):
                 return None
             return self._best_trial(trial, model, answer.change, box, promised), promised
 
