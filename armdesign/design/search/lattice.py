@@ -34,8 +34,9 @@ REACH = 10.0  # steps of the grid that a coordinate may move to either side,
 LENGTHENED, STROKE = 3.0, 0.2  # and for each of them a closed length and a stroke
 STRICT = 30.0  # times that a missed requirement is dearer than while pins are in real numbers
 ROUNDS = 10  # of setting up again where the answer lies, better or not;
-FAILED = 2  # after so many that are not, from the best with half as many steps;
-# half as many at once where limits bend so much that merit falls short of its promise by this
+FAILED = 2  # after so many that are not, or went astray, from the best or the search, with half as
+# many steps; half as many at once where limits bend so much that merit falls this far short of
+# its promise, and so goes astray
 ASTRAY = 0.1
 PROMISED = 2e-5  # of the lowest ω², relative: less is not worth another round
 LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
@@ -55,22 +56,23 @@ def on_lattice(search: Search, any_will_do: bool = False) -> Search:
     if search.problem.grid == FINE or not search.problem.vector.moving:
         return search
     lattice = Lattice.of(search, any_will_do)
-    about, best, reach, failed = lattice.start, None, REACH, 0
+    about = home = lattice.start
+    best, reach, failed = None, REACH, 0
     for _ in range(ROUNDS):
         numbers, promised = lattice.step(about, reach)
-        if best and about is best and promised < best.trial.merit + PROMISED:
+        if best and about is home and promised < best.trial.merit + PROMISED:
             break
         about = lattice.at(numbers)
-        if about.trial.merit < promised - ASTRAY:
+        better = best is None or about.trial.merit > best.trial.merit + PROMISED
+        best = about if better else best
+        if better and any_will_do and about.trial.limits.values.min() >= 0:
+            break
+        astray = about.trial.merit < promised - ASTRAY
+        home, failed = (about, 0) if better and not astray else (home, failed + 1)
+        if astray or failed == FAILED:
             reach /= 2
-        if best is None or about.trial.merit > best.trial.merit + PROMISED:
-            best, failed = about, 0
-            if any_will_do and about.trial.limits.values.min() >= 0:
-                break
-            continue
-        failed += 1
         if failed == FAILED:
-            about, reach, failed = best, reach / 2, 0
+            about, failed = home, 0
     return search if best is None else best.search.taking(best.trial)
 
 
