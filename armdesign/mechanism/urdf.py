@@ -132,11 +132,15 @@ def roll_pitch_yaw(rotation: Array) -> Array:
 
 def of_roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Array:
     """Rotation matrix (3, 3) of angles [rad] about x, then y, then z, as in ``rpy``."""
-    x, y, z = (
-        rotations(axis, np.array([angle]))[0]
-        for axis, angle in zip(np.eye(3), (roll, pitch, yaw), strict=True)
+    a, b, c = math.cos(roll), math.cos(pitch), math.cos(yaw)
+    d, e, f = math.sin(roll), math.sin(pitch), math.sin(yaw)
+    return np.array(
+        [
+            [b * c, d * e * c - a * f, a * e * c + d * f],
+            [b * f, d * e * f + a * c, a * e * f - d * c],
+            [-e, d * b, a * b],
+        ]
     )
-    return np.asarray(z @ y @ x)
 
 
 def turned(rotation: Array, vector: Array) -> Array:

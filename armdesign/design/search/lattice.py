@@ -43,6 +43,8 @@ LONGER = 1e-6  # that each step of a closed length costs: of equal designs the s
 # decimals of steps to which a search's end is known, and digits of its ω²: rounding of last bits,
 # which differs from processor to processor, is not to decide where branch and bound goes
 DECIMALS, DIGITS = 3, 6
+# factor on limits: HiGHS may miss them by 1e-6, which at their price is forty times what counts
+FINELY = 1e3
 CUTS = 8  # times of adding directions at most, to either kind of numbers, until t is
 CLOSE = 1e-5  # that near to the lowest eigenvalue, which is as near
 NODES, GAP = 2_000, 1e-5  # as branch and bound comes to the best
@@ -239,7 +241,7 @@ def _solved(
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     m, count = jacobian.shape
-    penalties = np.full(m, PENALTY * STRICT)
+    values, jacobian, penalties = FINELY * values, FINELY * jacobian, PENALTY * STRICT / FINELY
     limits = LinearConstraint(np.hstack([jacobian, np.zeros((m, 1)), np.eye(m)]), -values, np.inf)
     cuts, least = np.empty((0, count + 1 + m)), np.empty(0)
     pose, direction = np.repeat(np.arange(len(base)), base.shape[1]), np.linalg.eigh(base)[1]
@@ -252,7 +254,7 @@ def _solved(
         cuts = np.concatenate([cuts, np.hstack([slope, others])])
         least = np.concatenate([least, -constant])
         answer = milp(
-            np.concatenate([costs, [-1.0], penalties]),
+            np.concatenate([costs, [-1.0], np.full(m, penalties)]),
             integrality=np.concatenate([np.full(count, whole), np.zeros(1 + m)]),
             bounds=Bounds(
                 np.concatenate([ends[0], [-np.inf], np.zeros(m)]),
@@ -271,4 +273,4 @@ def _solved(
             break
         whole = whole or len(pose) == 0 or cut + 1 == CUTS
         direction = vectors[pose, :, 0]
-    return numbers, float(reached - penalties @ answer.x[count + 1 :])
+    return numbers, float(reached - penalties * answer.x[count + 1 :].sum())
