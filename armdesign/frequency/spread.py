@@ -59,13 +59,17 @@ def onto_pitch_limit(
 
     Which of the poses (n, nq) can be turned so (m,), and these poses (m, nq).
     """
-    arm, q, turns = machine.arm, q.copy(), np.ones(len(q), dtype=bool)
+    q = q.copy()
+    step = np.zeros(q.shape[1])
+    step[joint] = 0.1
+    turns = np.ones(len(q), dtype=bool)
     for _ in range(8):
-        rigid = arm.kinematics(q)
-        error = wrapped(limit - payload.limited_angle(arm, rigid))
+        pitch = payload.limited_angle(machine.arm, machine.arm.kinematics(q))
+        error = wrapped(limit - pitch)
         if np.abs(error[turns]).max(initial=0.0) < 1e-13:
             break
-        slope = arm.pitch_slopes(rigid, str(payload.link), (joint,))[:, 0]
+        ahead = payload.limited_angle(machine.arm, machine.arm.kinematics(q + step))
+        slope = wrapped(ahead - pitch) / step[joint]
         turns = np.abs(slope) > SMALLEST_SLOPE
         q[:, joint] += error / np.where(turns, slope, np.inf)
     turned = np.flatnonzero(np.abs(error) < 1e-10)
