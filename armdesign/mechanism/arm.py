@@ -358,15 +358,6 @@ class Arm:
         forward = x[0] * y[1] - x[1] * y[0]  # of x, along the level direction square to y
         return np.arctan2(x[2], forward)
 
-    def pitch_slopes(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> Array:
-        """∂pitch/∂q (n, k) of a link by k joints."""
-        x, y = (self.direction(poses, link, one, self.root, joints) for one in np.eye(3)[:2])
-        (x0, x1, up), (y0, y1, _) = x.value.T[..., None], y.value.T[..., None]
-        (dx0, dx1, rise), (dy0, dy1, _) = np.moveaxis(x.first, 2, 0), np.moveaxis(y.first, 2, 0)
-        forward = x0 * y1 - x1 * y0
-        onward = dx0 * y1 + x0 * dy1 - dx1 * y0 - x1 * dy0
-        return np.asarray((forward * rise - up * onward) / (forward**2 + up**2))
-
     # ------------------------------------------------------------------------------ rigid bodies
 
     @property

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.frequency.reach_plane import pitch_slopes
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
+from armdesign.mechanism.arm import Arm
 from tests import machines
 from tests.frequency.cached import workspace
 
@@ -41,3 +45,20 @@ def test_each_joint_is_turned_onto_the_pitch_limit(excavator: ad.Machine) -> Non
             0,
             atol=1e-9,
         )
+
+
+def test_slopes_of_the_pitch_are_what_it_changes_by() -> None:
+    """Of all links of an arm with tilted axes, against central differences."""
+    tilted = [
+        replace(machines.STICK, rpy=(0.3, 0.1, 0.2), axis=(0.2, -1, 0.5)),
+        replace(machines.BUCKET, rpy=(0.2, 0.3, -0.4), axis=(0.3, -1, 0.2)),
+    ]
+    joints, step = ["boom", "stick", "bucket"], 1e-6
+    arm = Arm(machines.urdf([machines.BOOM, *tilted]), joints, {}, "test.urdf")
+    q = np.random.default_rng(3).uniform(-0.3, 0.3, (20, 3))
+    for link in joints:
+        slopes = pitch_slopes(arm, arm.kinematics(q), link, (0, 1, 2))
+        for joint, one in enumerate(step * np.eye(3)):
+            ahead, behind = (arm.pitch(arm.kinematics(q + way * one), link) for way in (1, -1))
+            assert_allclose(slopes[:, joint], (ahead - behind) / (2 * step), atol=1e-8)
+    assert np.ptp(slopes, axis=0).max() > 0.01

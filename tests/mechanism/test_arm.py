@@ -246,18 +246,6 @@ def test_joints_may_come_in_another_order_than_the_tree(order: list[int]) -> Non
     assert_allclose(other.translation, tree.translation[:, order], rtol=1e-12)
 
 
-def test_slopes_of_the_pitch_are_what_it_changes_by() -> None:
-    """Of all links of an arm with tilted axes, against central differences."""
-    tilted, step = arm(), 1e-6
-    q = np.random.default_rng(3).uniform(-0.3, 0.3, (20, 4))
-    for link in ("boom", "slide", "bucket"):
-        slopes = tilted.pitch_slopes(tilted.kinematics(q), link, (0, 1, 2, 3))
-        for joint, one in enumerate(step * np.eye(4)):
-            ahead, behind = (tilted.pitch(tilted.kinematics(q + s * one), link) for s in (1, -1))
-            assert_allclose(slopes[:, joint], (ahead - behind) / (2 * step), atol=1e-8)
-    assert np.ptp(slopes, axis=0).max() > 0.01
-
-
 def test_names_that_pinocchio_uses_itself() -> None:
     """Link and joint of one name are the rule in `machines.py`; "universe" is Pinocchio's own name
     for the world.

@@ -52,9 +52,14 @@ def linkages_of_every_shape(
 
 
 def of_other_shapes(problem: Problem, designs: Sequence[Array]) -> list[int]:
-    """Which designs x have a moment arm of another shape than all of those before them."""
+    """Which designs x have a moment arm of another shape than all of those before them.
+
+    All, where every cylinder that moves lies across several joints.
+    """
     vector, shapes = problem.vector, []
     compared = [i for i in vector.moving if vector.range_poses[i] is not None]
+    if not compared:
+        return list(range(len(designs)))
     for x in designs:
         drives = vector.drives(x)
         arms = [
