@@ -93,7 +93,7 @@ def optimize(
     if options["bands"] not in (None, Bands()):
         fault = '"bandwidth" counts with the values of the file alone'
         raise ArmDesignError("objective", fault, "leave bands out, or give another objective")
-    from armdesign.bandwidth_search import best_bandwidth
+    from armdesign.bandwidth_search import best_bandwidth  # needs the simulation
 
     return best_bandwidth(machine, workspace, requirements, aimed, damping)
 

@@ -33,11 +33,12 @@ from armdesign.units import mm
 REACH = 10.0  # steps of the grid that a coordinate may move to either side,
 LENGTHENED, STROKE = 3.0, 0.2  # and for each of them a closed length and a stroke
 STRICT = 30.0  # times that a missed requirement is dearer than while pins are in real numbers
-ROUNDS = 10  # of setting up again where the answer lies, better or not;
-FAILED = 2  # after so many that are not, or went astray, from the best or the search, with half as
-# many steps; half as many at once where limits bend so much that merit falls this far short of
-# its promise, and so goes astray
+ROUNDS = 10  # of setting up again where the answer lies, better or not
+# short of its promise, so that an answer went astray where limits bend: half as many steps then
 ASTRAY = 0.1
+# answers that are no better, or went astray, after which the best, or the search, is returned to,
+# with half as many steps
+FAILED = 2
 PROMISED = 2e-5  # of the lowest ω², relative: less is not worth another round
 LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
 # decimals of steps to which a search's end is known, and digits of its ω²: rounding of last bits,
@@ -195,12 +196,9 @@ class Lattice:
 
     def _longer(self, about: Point) -> Iterator[Problem]:
         """The problem of a design with each closed length and stroke a step longer."""
-        count, numbers = len(self.entries), self.numbers(about)
-        for v in range(count, len(numbers)):
-            numbers[v] += 1
-            lengths = (self.origin + self.unit * numbers)[count:]
+        own = self.origin + self.unit * self.numbers(about)
+        for lengths in (own + np.diag(self.unit))[len(self.entries) :, len(self.entries) :]:
             yield _with_lengths(about.search.problem, self.cylinders, lengths)
-            numbers[v] -= 1
 
     @cached_property
     def _limits_by_length(self) -> list[Array]:

@@ -259,7 +259,10 @@ class Search:
         return foreseen
 
     def _improve(self, trust: float, tolerance: float) -> None:
-        """Take ``x`` along steps by the watched rows, as long as they promise the tolerance."""
+        """Take ``x`` along steps by the watched rows, as long as they promise the tolerance.
+
+        Far from allowed, where the merit is far below zero, that share of it.
+        """
 
         def step(trial: Trial, box: Box, refused: Sequence[Trial]) -> tuple[Trial, float] | None:
             spoilers = [int(t.squared.argmin()) for t in refused]

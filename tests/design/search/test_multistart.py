@@ -17,7 +17,7 @@ from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.problem import Problem
 from armdesign.design.search import multistart as module
-from armdesign.design.search.multistart import follow, multistart, start_designs
+from armdesign.design.search.multistart import follow, follow_all, multistart, start_designs
 from armdesign.design.search.semidefinite import programme
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.design.search.slsqp import improve_by_slsqp
@@ -50,7 +50,7 @@ def only_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     ("vary", "count"),
     [
         (("areas", "pins"), 3),
-        pytest.param(("linkages",), 6, marks=pytest.mark.slow),
+        pytest.param(("linkages",), 4, marks=pytest.mark.slow),
         (("areas",), 1),
     ],
 )
@@ -60,6 +60,26 @@ def test_more_starts_where_four_bars_move(vary: tuple[str, ...], count: int) -> 
     for starts_given, expected in ((None, count), (2, min(count, 2))):
         starts = multistart(problem, starts_given, 0, 1)[1]
         assert len(starts.reached) + len(starts.failed) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mini_excavator_2t", "excavator_20t"])
+def test_of_starts_near_one_optimum_one_is_searched_to_the_end(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ends where the best of all of them ends, and fewer are searched."""
+    problem, counts = coarse(name, ("linkages",)), []
+
+    def counted(searches: list[Search], *others: Any, **settings: Any) -> list[Search]:
+        counts.append(len(searches))
+        return follow_all(searches, *others, **settings)
+
+    monkeypatch.setattr(module, "follow_all", counted)
+    one = multistart(problem, None, 0, 1)[0]
+    monkeypatch.setattr(module, "of_other_shapes", lambda _, designs: list(range(len(designs))))
+    every = multistart(problem, None, 0, 1)[0]
+    assert one.merit == pytest.approx(every.merit, abs=2e-5)
+    assert counts[1] < counts[3]
 
 
 @pytest.mark.slow
