@@ -99,7 +99,8 @@ class Design:
             the bands that it was made for [Hz]; where it was made for the least gain within them,
             that gain times today's worst frequency with the file's values.
         starts: what each start of the search reached, as ``unrounded`` [Hz], without those that
-            failed.
+            failed: at its end, or where it was left because another was near the same optimum or
+            far better.
         failed_starts: of every start that failed why, in words.
         workspace: today's workspace.
         problem: the problem that was solved.
