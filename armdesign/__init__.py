@@ -94,7 +94,7 @@ if TYPE_CHECKING:
     from armdesign.simulation.simulate import simulate_all as simulate_all
     from armdesign.simulation.validation import Validation as Validation
     from armdesign.simulation.validation import validate as validate
-    from armdesign.sweeps.sweep import Sweep as Sweep
+    from armdesign.sweeps.answers import Sweep as Sweep
     from armdesign.sweeps.sweep import sweep as sweep
     from armdesign.sweeps.trade_offs import pareto as pareto
 
@@ -144,7 +144,8 @@ _NAMES = {  # public names by the module that has them
     "influence.sensitivity": "Sensitivity sensitivity",
     "influence.tolerances": "Tolerances tolerances",
     "influence.what_if": "WhatIf what_if",
-    "sweeps.sweep": "Sweep sweep",
+    "sweeps.answers": "Sweep",
+    "sweeps.sweep": "sweep",
     "sweeps.trade_offs": "pareto",
     "simulation.identification.frequency_response": "FrequencyResponse frequency_response",
 }

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 from functools import partial
+from typing import TYPE_CHECKING
 
 from armdesign.options import FreshOption, ProcessesOption, SchedulerOption, StudyArgument
 from armdesign.output import command_line, kept
 from armdesign.runs import OfMachines, command, processors
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 JOURNAL = "sweep.sqlite"
 
@@ -23,9 +27,9 @@ def sweep(
     """Answer one question for many machines.
 
     STUDY.toml names machines, what changes in them (grid, sobol, case, csv), load cases,
-    requirements and the task: map, design, validate, control or simulate. Every finished case
-    stays in sweep.sqlite: interrupted, the same command goes on where it was. Writes sweep.csv,
-    and sweep.parquet where pyarrow is installed.
+    requirements, the task (map, design, validate, control or simulate) and which of its outputs
+    the table has. Every finished case stays in sweep.sqlite: interrupted, the same command goes on
+    where it was. Writes sweep.csv, and sweep.parquet where pyarrow is installed.
     """
     from armdesign.report.sweeps import sweep_sheet
     from armdesign.sweeps.study_file import read_study
@@ -42,14 +46,23 @@ def sweep(
                 new=new,
             )
             table = answers.frame
+        with run.writing(out) as folder:
+            table.to_csv(folder / "sweep.csv", index=False)  # every digit
+            if importlib.util.find_spec("pyarrow"):
+                _of_one_kind(table).to_parquet(folder / "sweep.parquet", index=False)
     except KeyboardInterrupt as stop:
         if (out / JOURNAL).exists():
             kept.append(out / JOURNAL)
             stop.args = (f"go on with: {command_line().replace(' --new', '')}",)
         raise
-    with run.writing(out) as folder:
-        table.to_csv(folder / "sweep.csv", index=False)  # every digit
-        if importlib.util.find_spec("pyarrow"):
-            table.to_parquet(folder / "sweep.parquet", index=False)
     again = [f"A worker died; done again: {name}." for name in answers.retried]
     run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})
+
+
+def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with words in place of columns of words and numbers, which Parquet has not."""
+    mixed = [name for name in table if table[name].dropna().map(type).nunique() > 1]
+    table = table.copy()
+    for name in mixed:
+        table[name] = table[name].map(str, na_action="ignore")
+    return table

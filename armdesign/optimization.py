@@ -67,8 +67,9 @@ def optimize(
         damping: ratio of all modes in place of the file's damping, on which bandwidths rest.
 
     Raises:
-        ArmDesignError: an objective that there is not; a word or path of ``vary`` that names
-            nothing that can vary; a start from another machine; no catalogue, or one of no use.
+        ArmDesignError: an objective that there is not; a seed below 0; a word or path of ``vary``
+            that names nothing that can vary; a start from another machine; no catalogue, or one of
+            no use.
         InfeasibleError: no design meets the requirements. Granted what it asks for, the same call
             gives one: that was tried.
 
@@ -81,6 +82,9 @@ def optimize(
         >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
         7.45 to 7.77 Hz
     """
+    if options["seed"] < 0:
+        fault = f"{options['seed']} is not allowed"
+        raise ArmDesignError("seed", fault, "give a whole number ≥ 0")
     aimed = AimedSearch(vary=vary, objective=objective, start=start, options=options)
     if objective not in (names := [*OBJECTIVES, "bandwidth"]):
         fault = f"{objective!r} is not allowed"

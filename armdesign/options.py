@@ -56,6 +56,7 @@ def some_of(*words: str) -> Callable[[str], list[str]]:
 
 
 FolderArgument = Annotated[Path, typer.Argument(help="Folder that a command has written into.")]
+MOST_STARTS, MOST_WORKERS = 10_000, 256  # more keep a computer busy without an answer
 MachineArgument = Annotated[
     str,
     typer.Argument(
@@ -107,7 +108,10 @@ ObjectiveOption = Annotated[
 StartsOption = Annotated[
     int | None,
     typer.Option(
-        "--starts", min=1, help="Starts of the search; default: 3, or 4 where four-bars move."
+        "--starts",
+        min=1,
+        max=MOST_STARTS,
+        help="Starts of the search; default: 3, or 4 where four-bars move.",
     ),
 ]
 StartsOfSetsOption = Annotated[
@@ -115,6 +119,7 @@ StartsOfSetsOption = Annotated[
     typer.Option(
         "--starts",
         min=1,
+        max=MOST_STARTS,
         help="Starts of each set of pins: today's, the best of one pin less, then drawn ones;"
         " default: the first two.",
     ),
@@ -124,12 +129,13 @@ WorkersOption = Annotated[
     typer.Option(
         "--workers",
         min=1,
+        max=MOST_WORKERS,
         help="Processes that share the starts, and the poses of simulations; default: 1, for"
         " pareto and steps each core.",
     ),
 ]
 PosesWorkersOption = Annotated[
-    int, typer.Option("--workers", min=1, help="Processes that share the poses.")
+    int, typer.Option("--workers", min=1, max=MOST_WORKERS, help="Processes that share the poses.")
 ]
 PointsOption = Annotated[
     str,
@@ -282,7 +288,9 @@ BandwidthOrNotOption = Annotated[
     ),
 ]
 CountOption = Annotated[int, typer.Option("--count", help="Number of machines.")]
-SeedOption = Annotated[int, typer.Option("--seed", help="Of the chance; equal ones repeat it.")]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, help="Of the chance; equal ones repeat it.")
+]
 LeastFrequencyOption = Annotated[
     float | None,
     typer.Option(
@@ -408,7 +416,13 @@ StudyArgument = Annotated[
 ]
 ProcessesOption = Annotated[
     int | None,
-    typer.Option("--workers", help="Processes; default: one per processor.", show_default=False),
+    typer.Option(
+        "--workers",
+        min=1,
+        max=MOST_WORKERS,
+        help="Processes; default: one per processor.",
+        show_default=False,
+    ),
 ]
 SchedulerOption = Annotated[
     str,

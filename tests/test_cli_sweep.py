@@ -49,6 +49,19 @@ def test_a_study_is_answered_once(
     assert frame["worst_hz"].tolist()[:2] == read(tmp_path / "out")["worst_hz"].tolist()[:2]
 
 
+def test_a_column_of_words_and_numbers_is_words_in_parquet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A field of a CSV file that is no number fails its case alone."""
+    (tmp_path / "cases.csv").write_text("fluid.bulk_modulus_MPa\n900\nabc\n")
+    study = written(tmp_path, 'machine = "paper_1dof"\npoints = 3\ncsv = "cases.csv"\n')
+    words = ["sweep", study, "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    frame = pd.read_parquet(tmp_path / "out" / "sweep.parquet")
+    assert frame["fluid.bulk_modulus_MPa"].tolist() == ["900", "abc"]
+    assert [error == "" for error in frame["error"]] == [True, False]
+
+
 def test_set_changes_every_machine_of_a_study(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,6 +22,7 @@ from armdesign.journal.keys import canonical, digest
 
 FORMAT = 1  # of the tables
 APPLICATION = 0x61726D64  # "armd": what other programs know the file by
+HEAD = 512  # bytes, the least page that SQLite writes
 PATIENCE = 1.0  # [s] for which a lock is waited for
 NEW = "begin another with --new (in Python new=True), which keeps this one beside it"
 
@@ -149,12 +150,18 @@ class Journal:
         if form != FORMAT:
             fault = f"has the format {form}, this version of armdesign reads {FORMAT}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)
+        tables = self._database.execute("SELECT name FROM sqlite_master").fetchall()
         if self._database.execute("PRAGMA integrity_check").fetchone()[0] != "ok":
             raise self._damaged()
-        if about["version"] != version:
-            fault = f"was written by armdesign {about['version']}, this is {version}"
+        try:
+            written, before = about["version"], dict(json.loads(about["files"]))
+        except (KeyError, TypeError, ValueError):
+            raise self._damaged() from None
+        if ("cases",) not in tables:
+            raise self._damaged()
+        if written != version:
+            fault = f"was written by armdesign {written}, this is {version}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)
-        before = json.loads(about["files"])
         changed = [name for name in files if before.get(name) != files[name]]
         if changed or before.keys() != dict(files).keys():
             gone = [name for name in before if name not in files]
@@ -163,10 +170,14 @@ class Journal:
             raise ArmDesignError(str(self.path), fault, f"restore that, or {self._otherwise}")
 
     def _refuse_emptied(self) -> None:
-        """Raise for a file without a byte beside a log: SQLite would delete the log."""
+        """Raise for a file without its head, which SQLite would begin anew.
+
+        One without a byte may have been killed as it was begun; beside a log it was not.
+        """
         log = self.path.with_name(f"{self.path.name}-wal")
         with contextlib.suppress(OSError):
-            if self.path.stat().st_size == 0 and log.stat().st_size > 0:
+            size = self.path.stat().st_size
+            if 0 < size < HEAD or (size == 0 and log.stat().st_size > 0):
                 raise self._damaged()
 
     def _damaged(self) -> ArmDesignError:
@@ -192,7 +203,8 @@ class Journal:
                 raise ArmDesignError(place, fault, remedy) from None
             if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
                 fault = "cannot be written, the disk may be full; what was finished before is kept"
-                raise ArmDesignError(place, fault, "make room and run it again") from None
+                remedy = "make room, or free the file if it is protected, and run it again"
+                raise ArmDesignError(place, fault, remedy) from None
             fault = f"cannot be used ({error})"
             raise ArmDesignError(place, fault, "name another folder") from None
 

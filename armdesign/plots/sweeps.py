@@ -9,7 +9,7 @@ from armdesign.plots.canvas import INK, figure, literal
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
-    from armdesign.sweeps.sweep import Sweep
+    from armdesign.sweeps.answers import Sweep
 
 
 @literal

@@ -25,7 +25,8 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
         notes.append(f"Further columns are in sweep.csv: {', '.join(names[WIDEST:])}.")
     failed = int((frame["error"] != "").sum())
     if failed:
-        notes.append(f"{failed} cases failed; sweep.csv says why.")
+        cases = "1 case" if failed == 1 else f"{failed} cases"
+        notes.append(f"{cases} failed; sweep.csv says why.")
     return Sheet(
         title="Sweep",
         columns=("case", *(name.rpartition(".")[2] for name in shown)),

@@ -21,6 +21,7 @@ KEYS = {
     "points": (int, list),
     "requirements": (list,),
     "options": (dict, list),
+    "outputs": (list,),
     **{way: (kind,) for way, kind in WAYS.items()},
 }
 WORDS = {str: "a text", list: "a list", dict: "a table", int: "a whole number"}
@@ -41,7 +42,7 @@ def read_study(path: Path, load: Callable[[str | Path], Machine]) -> dict[str, A
     task_named(data.get("task", "map"))
     names = data["machine"] if isinstance(data["machine"], list) else [data["machine"]]
     machines = [load(_machine(name, path)) for name in names]
-    plain = ("task", "payloads", "points", "requirements", "options")
+    plain = ("task", "payloads", "points", "requirements", "options", "outputs")
     return {
         "machine": machines,
         **_changes(data, path),

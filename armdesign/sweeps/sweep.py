@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 from armdesign.arguments import checked, with_options
-from armdesign.errors import ArmDesignError, Stopped
+from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished
 from armdesign.journal.journal import Entry, Journal
@@ -19,103 +18,21 @@ from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
-from armdesign.short_repr import short_repr
+from armdesign.sweeps.answers import Sweep
 from armdesign.sweeps.cases import Case, Changes, all_changes, sobol_changes
 from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from armdesign.plots.canvas import Figure
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep:
-    """Answers of a sweep.
-
-    Attributes:
-        cases: all, in their order.
-        outcomes: one for each case.
-        kept: how many of them a journal had already.
-        retried: names of cases that were tried again because a worker died.
-    """
-
-    __repr__ = short_repr
-
-    cases: tuple[Case, ...]
-    outcomes: tuple[Entry, ...]
-    kept: int
-    retried: tuple[str, ...]
-
-    @property
-    def failures(self) -> dict[str, str]:
-        """Why cases failed, by their names."""
-        pairs = zip(self.cases, self.outcomes, strict=True)
-        return {case.name: outcome.error for case, outcome in pairs if outcome.error}
-
-    @property
-    def paths(self) -> tuple[str, ...]:
-        """Key paths that any case changes, and options that only some have."""
-        return tuple(dict.fromkeys(path for case in self.cases for path in case.settings))
-
-    @cached_property
-    def frame(self) -> pd.DataFrame:
-        """A row for each case: machine, payload, changed values, answers, ``seconds``, ``error``.
-
-        ``payload`` is empty where all load cases count, a changed value where the case keeps the
-        file's, an answer where the case failed. Options of which several sets were given are
-        columns beside the changed values.
-        """
-        import pandas as pd
-
-        paths = self.paths
-        names = dict.fromkeys(name for one in self.outcomes for name in one.answer)
-        rows = [
-            {
-                "machine": case.machine,
-                "payload": case.payload or "",
-                **{path: case.settings.get(path) for path in paths},
-                **{name: one.answer.get(name) for name in names if name not in paths},
-                "seconds": one.seconds,
-                "error": one.error,
-            }
-            for case, one in zip(self.cases, self.outcomes, strict=True)
-        ]
-        return pd.DataFrame(rows)
-
-    @property
-    def answers(self) -> pd.DataFrame:
-        """The answers alone, a row for each case, indexed by what tells the cases apart.
-
-        Raises:
-            ArmDesignError: a case failed; the first is named.
-        """
-        import pandas as pd
-
-        for name, error in self.failures.items():
-            raise ArmDesignError(name, error, "the frame has the other cases")
-        settings = [{"machine": c.machine, "payload": c.payload, **c.settings} for c in self.cases]
-        cases = pd.DataFrame(settings).map(_hashable)
-        apart = [name for name in cases if cases[name].nunique(dropna=False) > 1]
-        answers = pd.DataFrame([dict(one.answer) for one in self.outcomes])
-        return answers.set_index(cases.set_index(apart or "machine").index)
-
-    def plot(self, answer: str = "") -> Figure:
-        """Figure of an answer, by default the first, over each number that was changed."""
-        from armdesign import plots
-
-        return plots.sweep_answers(self, answer)
-
 
 class Variants(TypedDict, total=False):
-    """What differs between cases, beside machines, changes and options of the task."""
+    """What differs between cases, beside machines, changes and options; answers that count."""
 
     sobol: int
     seed: int
     payloads: Sequence[str] | None
     requirements: Sequence[Mapping[str, Any]] | None
+    outputs: Sequence[str] | None
 
 
 class Means(TypedDict, total=False):
@@ -137,6 +54,7 @@ USUAL_SWEEP: SweepOptions = {
     "seed": 0,
     "payloads": None,
     "requirements": None,
+    "outputs": None,
     "workers": 1,
     "scheduler": None,
     "journal": None,
@@ -173,6 +91,8 @@ def sweep(
         seed: of that sequence.
         payloads: names of load cases, each alone; None: all together.
         requirements: keys of ``[requirements]`` and their values, one mapping per set.
+        outputs: names of the answers that the frame has, in this order; None: all. A journal has
+            all of them.
         options: of the task, numbers, words, requirements and bands; several sets of them are a
             case each.
         workspace: the poses of all cases; None: a joint grid of every changed machine.
@@ -212,6 +132,7 @@ def sweep(
         workers=workers,
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),
+        outputs=None if more["outputs"] is None else tuple(more["outputs"]),
     )
     if more["journal"] is None:
         return run.answers(cases, None)
@@ -228,6 +149,7 @@ class _CaseRunner:
     workers: int
     scheduler: str | None
     say: Callable[[str], None]
+    outputs: tuple[str, ...] | None
     retried: list[str] = field(default_factory=list)
     computed: set[str] = field(default_factory=set)
 
@@ -246,6 +168,7 @@ class _CaseRunner:
                 self._within_a_command(different, known)
         except KeyboardInterrupt as stop:
             raise Stopped(self._sweep(cases, known)) from stop
+        self._refuse_unknown_outputs(known.values())
         return self._sweep(cases, known)
 
     def _sweep(self, cases: Sequence[Case], known: Mapping[str, Entry]) -> Sweep:
@@ -256,7 +179,15 @@ class _CaseRunner:
             outcomes=tuple(known[case.key] for case in finished),
             kept=sum(case.key not in self.computed for case in finished),
             retried=tuple(self.retried),
+            outputs=self.outputs,
         )
+
+    def _refuse_unknown_outputs(self, outcomes: Iterable[Entry]) -> None:
+        """Raise for chosen answers that no case has, if any case has answers."""
+        known = {name for one in outcomes for name in one.answer}
+        for name in self.outputs or ():
+            if known and name not in known:
+                raise ArmDesignError("outputs", f"no case has {name!r}", choose(name, known))
 
     def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
         """Fill in the answers that the sweep's own journal has, and those that are computed."""
@@ -322,11 +253,6 @@ def _written(_: int, entry: Entry) -> dict[str, Any] | None:
     if isinstance(entry, Outcome) and not entry.final:
         return None
     return {"answer": dict(entry.answer), "seconds": entry.seconds, "error": entry.error}
-
-
-def _hashable(value: Any) -> Any:
-    plain = not isinstance(value, list | tuple | dict) and not hasattr(value, "identity")
-    return value if plain else canonical(value)
 
 
 def _machines(

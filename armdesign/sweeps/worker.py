@@ -62,6 +62,7 @@ class Outcome(Entry):
     final: bool = True
 
 
+COLUMNS = ("machine", "payload", "seconds", "error")  # of the frame, beside changes and answers
 _studies: dict[str, Study] = {}
 _one_at_a_time = threading.Lock()  # threads of one worker process
 
@@ -119,7 +120,12 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
         machine = replace(machine, payloads=(machine.payload,))
     workspace = study.workspace or Workspace.grid(machine, study.points)
     task = task_named(study.task) if isinstance(study.task, str) else study.task
-    return _plain(task(machine, workspace, **study.options, **case.options))
+    plain = _plain(task(machine, workspace, **study.options, **case.options))
+    for name in plain:
+        if name in (*COLUMNS, *case.changes):
+            fault = "is the name of another column"
+            raise ArmDesignError(f"answer {name}", fault, "give it another name")
+    return plain
 
 
 def _plain(answer: Any) -> dict[str, Any]:

@@ -97,6 +97,36 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
         opened(tmp_path)
 
 
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        "DELETE FROM about WHERE name = 'version'",
+        "UPDATE about SET value = '{' WHERE name = 'files'",
+        "DROP TABLE cases",
+    ],
+)
+def test_a_journal_without_what_it_must_hold_is_damaged(tmp_path: Path, spoilt: str) -> None:
+    filled(tmp_path / "j.sqlite")
+    database = sqlite3.connect(tmp_path / "j.sqlite")
+    database.execute(spoilt)
+    database.commit()
+    database.close()
+    with pytest.raises(ArmDesignError, match="is damaged"):
+        opened(tmp_path / "j.sqlite")
+
+
+def test_a_journal_without_its_head_is_damaged(tmp_path: Path) -> None:
+    """But one without a byte, which was killed as it was begun, begins anew."""
+    path = tmp_path / "j.sqlite"
+    for size in (1, 100, 511):
+        path.write_bytes(b"S" * size)
+        with pytest.raises(ArmDesignError, match="is damaged"):
+            opened(path)
+    path.write_bytes(b"")
+    with opened(path) as journal:
+        assert not journal.entries()
+
+
 @pytest.mark.parametrize("part", ["j.sqlite", "j.sqlite-wal"])
 def test_a_journal_that_is_cut_off_is_refused_or_right(tmp_path: Path, part: str) -> None:
     """Cut at 20 places, as a whole file and as one with its log: no answer is ever wrong."""

@@ -178,6 +178,32 @@ def share_of_lift(
     return {"share": requirements.lift_share, "most": bands.structure[1]}  # type: ignore[index]
 
 
+def test_outputs_are_chosen_by_name_and_the_journal_keeps_all(tmp_path: Path) -> None:
+    """In the order given; of another choice nothing is computed again."""
+    journal, names = tmp_path / "j.sqlite", ["median_hz", "worst_hz"]
+    some = ad.sweep("paper_1dof", WRONG, points=3, journal=journal, outputs=names)
+    columns = ["machine", "payload", *WRONG, *names, "seconds", "error"]
+    assert list(some.frame) == columns
+    whole = ad.sweep("paper_1dof", WRONG, points=3, journal=journal)
+    assert whole.kept == 8
+    pd.testing.assert_frame_equal(whole.frame[columns], some.frame)
+    assert len(list(whole.frame)) > len(columns)
+
+
+def meets_columns(machine: ad.Machine, _: ad.Workspace, name: str) -> Mapping[str, Any]:
+    """A task whose answer has the name of another column."""
+    return {name: machine.fluid.bulk_modulus}
+
+
+def test_an_answer_with_the_name_of_another_column_is_refused() -> None:
+    sets = [{"name": name} for name in ("error", "fluid.bulk_modulus_MPa", "own")]
+    sweep = ad.sweep("paper_1dof", MODULI, meets_columns, options=sets)
+    failed = sweep.frame[sweep.frame["error"] != ""]
+    assert set(failed["name"]) == {"error", "fluid.bulk_modulus_MPa"}
+    assert failed["error"].str.contains("is the name of another column").all()
+    assert len(failed) == 8
+
+
 def test_answers_do_not_hide_that_a_case_failed() -> None:
     sweep = ad.sweep("paper_1dof", WRONG, modulus, points=2)
     with pytest.raises(
@@ -247,6 +273,7 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"options": [5]}, "is no set"),
         ({"task": scaled, "options": [{"factor": object()}]}, "cannot be written down"),
         ({"workers": 0}, "whole number"),
+        ({"points": 3, "outputs": ["worst_hz", "worst"]}, "no case has 'worst'"),
         ({"machine": ["paper_1dof", "paper_1dof"]}, "one name"),
         ({"task": lambda machine, workspace: {}}, "file"),
     ],
