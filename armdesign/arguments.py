@@ -176,6 +176,13 @@ def refuse_unless(name: str, value: Any, annotation: str) -> None:
         raise ArmDesignError(name, f"{reprlib.repr(value)} is not allowed", remedy) from None
 
 
+def refuse_unless_seed(seed: object) -> None:
+    """Raise for what no random numbers can begin with."""
+    whole = isinstance(seed, numbers.Integral) and not isinstance(seed, bool)
+    if not (whole and seed >= 0):  # type: ignore[operator]
+        raise ArmDesignError("seed", f"{seed!r} is not allowed", "give a whole number ≥ 0")
+
+
 def _fits(value: Any, kind: ast.expr) -> bool:
     """Whether the value is of the type; items are looked at where that does not use them up."""
     match kind:

@@ -82,9 +82,6 @@ def optimize(
         >>> print(f"{design.before.worst.frequency:.2f} to {design.after.worst.frequency:.2f} Hz")
         7.45 to 7.77 Hz
     """
-    if options["seed"] < 0:
-        fault = f"{options['seed']} is not allowed"
-        raise ArmDesignError("seed", fault, "give a whole number ≥ 0")
     aimed = AimedSearch(vary=vary, objective=objective, start=start, options=options)
     if objective not in (names := [*OBJECTIVES, "bandwidth"]):
         fault = f"{objective!r} is not allowed"

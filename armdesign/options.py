@@ -12,6 +12,8 @@ import typer
 
 from armdesign.units import SI, WORKSHOP, Units
 
+MOST_STARTS, MOST_WORKERS = 10_000, 256  # more keep a computer busy without an answer
+
 
 class Habit(StrEnum):
     """Units of printed tables."""
@@ -56,7 +58,6 @@ def some_of(*words: str) -> Callable[[str], list[str]]:
 
 
 FolderArgument = Annotated[Path, typer.Argument(help="Folder that a command has written into.")]
-MOST_STARTS, MOST_WORKERS = 10_000, 256  # more keep a computer busy without an answer
 MachineArgument = Annotated[
     str,
     typer.Argument(

@@ -121,7 +121,6 @@ def _place_and_tip(machine: Machine, q: Array, size: float) -> tuple[Array, Arra
         place, slope = place_and_slopes(machine, q)
         return place, np.pad(slope, ((0, 0), (0, 1), (0, 0))), np.full(len(q), -np.inf)
     value, slope = place_and_pitch(machine, q, payload)
-    offset, (low, high) = payload.offset(value[:, 2]), payload.limits
-    beyond = np.abs(offset) - (high - low) / 2
-    slope[:, 2] *= size * np.where(beyond > 0, np.sign(offset), 0.0)[:, None]
+    beyond, side = payload.excess(value[:, 2]), np.sign(payload.offset(value[:, 2]))
+    slope[:, 2] *= size * np.where(beyond > 0, side, 0.0)[:, None]
     return value[:, :2], slope, size * beyond

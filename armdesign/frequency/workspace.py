@@ -15,7 +15,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, refuse_unless_seed
 from armdesign.arrays import Array, Flags, ReadOnly, chunks
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
@@ -289,8 +289,7 @@ def _check_sobol(count: int, seed: int) -> None:
     if not (_whole(count) and 1 <= count <= MOST):
         remedy = f"give a whole number from 1 to {MOST:,}"
         raise ArmDesignError("count", f"{count!r} is not allowed", remedy)
-    if not (_whole(seed) and seed >= 0):
-        raise ArmDesignError("seed", f"{seed!r} is not allowed", "give a whole number ≥ 0")
+    refuse_unless_seed(seed)
 
 
 def _whole(number: object) -> bool:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.arguments import checked
+from armdesign.arguments import checked, refuse_unless_seed
 from armdesign.arrays import Array, ReadOnly, chunks
 from armdesign.design.requirements.record import Check
 from armdesign.errors import ArmDesignError
@@ -333,8 +333,7 @@ def _check(count: int, least: float | None, seed: int) -> None:
         raise ArmDesignError("count", f"{count!r} is not allowed", remedy)
     if least is not None and not (math.isfinite(least) and least > 0):
         raise ArmDesignError("least", f"{least:g} Hz is not allowed", "give a frequency above 0")
-    if not (isinstance(seed, int) and seed >= 0):
-        raise ArmDesignError("seed", f"{seed!r} is not allowed", "give a whole number ≥ 0")
+    refuse_unless_seed(seed)
 
 
 def _sampled(machine: Machine, widths: Sequence[Width], count: int, seed: int) -> Array:

@@ -150,15 +150,14 @@ class Journal:
         if form != FORMAT:
             fault = f"has the format {form}, this version of armdesign reads {FORMAT}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)
+        whole = self._database.execute("PRAGMA integrity_check").fetchone()[0] == "ok"
         tables = self._database.execute("SELECT name FROM sqlite_master").fetchall()
-        if self._database.execute("PRAGMA integrity_check").fetchone()[0] != "ok":
+        if not whole or ("cases",) not in tables:
             raise self._damaged()
         try:
             written, before = about["version"], dict(json.loads(about["files"]))
         except (KeyError, TypeError, ValueError):
             raise self._damaged() from None
-        if ("cases",) not in tables:
-            raise self._damaged()
         if written != version:
             fault = f"was written by armdesign {written}, this is {version}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)

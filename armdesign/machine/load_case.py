@@ -68,8 +68,12 @@ class LoadCase:
         """
         if not self.limits:
             return np.full(len(rigid), -np.inf)
+        return self.excess(self.limited_angle(arm, rigid))
+
+    def excess(self, angle: Array) -> Array:
+        """What a limited angle (n,) is beyond its limits [rad]; negative within them."""
         low, high = self.limits
-        return np.asarray(np.abs(self.from_middle(arm, rigid)) - (high - low) / 2)
+        return np.asarray(np.abs(self.offset(angle)) - (high - low) / 2)
 
     def exists(self, arm: Arm, rigid: RigidPoses) -> Flags:
         """Whether the load case exists at each pose (n,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from armdesign.plots.canvas import Figure
+
+COLUMNS = ("machine", "payload", "seconds", "error")  # of the frame, beside changes and answers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,12 +41,10 @@ class Sweep:
     retried: tuple[str, ...]
     outputs: tuple[str, ...] | None = None
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the answers: those that were chosen, or all that any case has."""
-        if self.outputs is not None:
-            return self.outputs
-        return tuple(dict.fromkeys(name for one in self.outcomes for name in one.answer))
+        return names_of(self.outcomes) if self.outputs is None else self.outputs
 
     @property
     def failures(self) -> dict[str, str]:
@@ -104,6 +105,11 @@ class Sweep:
         from armdesign import plots
 
         return plots.sweep_answers(self, answer)
+
+
+def names_of(outcomes: Iterable[Entry]) -> tuple[str, ...]:
+    """Names of all answers that any case has."""
+    return tuple(dict.fromkeys(name for one in outcomes for name in one.answer))
 
 
 def _hashable(value: Any) -> Any:

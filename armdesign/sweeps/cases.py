@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from armdesign.arguments import refuse_unless_seed
 from armdesign.csv_rows import read_rows
 from armdesign.errors import ArmDesignError
 
@@ -73,13 +74,14 @@ def sobol_changes(
     """Points of a scrambled Sobol sequence between two ends by key path.
 
     Raises:
-        ArmDesignError: a count or ends that cannot be.
+        ArmDesignError: a count, a seed or ends that cannot be.
     """
     import numpy as np
     from scipy.stats import qmc
 
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise ArmDesignError("sobol count", f"{count!r} is not allowed", "give a whole number ≥ 1")
+    refuse_unless_seed(seed)
     _refuse_many(count)
     for path, ends in ranges.items():
         numbers = [x for x in ends if isinstance(x, int | float) and math.isfinite(x)]

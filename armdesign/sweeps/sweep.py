@@ -18,7 +18,7 @@ from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
-from armdesign.sweeps.answers import Sweep
+from armdesign.sweeps.answers import Sweep, names_of
 from armdesign.sweeps.cases import Case, Changes, all_changes, sobol_changes
 from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
@@ -26,13 +26,12 @@ from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
 
 
 class Variants(TypedDict, total=False):
-    """What differs between cases, beside machines, changes and options; answers that count."""
+    """What differs between cases, beside machines, changes and options of the task."""
 
     sobol: int
     seed: int
     payloads: Sequence[str] | None
     requirements: Sequence[Mapping[str, Any]] | None
-    outputs: Sequence[str] | None
 
 
 class Means(TypedDict, total=False):
@@ -46,7 +45,9 @@ class Means(TypedDict, total=False):
 
 
 class SweepOptions(Variants, Means, total=False):
-    """What differs between the cases of a sweep, and how they get their answers."""
+    """What differs between the cases of a sweep, how they get answers, and which are shown."""
+
+    outputs: Sequence[str] | None
 
 
 USUAL_SWEEP: SweepOptions = {
@@ -184,7 +185,7 @@ class _CaseRunner:
 
     def _refuse_unknown_outputs(self, outcomes: Iterable[Entry]) -> None:
         """Raise for chosen answers that no case has, if any case has answers."""
-        known = {name for one in outcomes for name in one.answer}
+        known = names_of(outcomes)
         for name in self.outputs or ():
             if known and name not in known:
                 raise ArmDesignError("outputs", f"no case has {name!r}", choose(name, known))

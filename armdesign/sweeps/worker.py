@@ -17,6 +17,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.influence.changes import changed_machine
 from armdesign.journal.journal import Entry
 from armdesign.machine.machine import Machine
+from armdesign.sweeps.answers import COLUMNS
 from armdesign.sweeps.cases import Case
 from armdesign.sweeps.tasks import Task, task_named
 from armdesign.threads import one_thread
@@ -62,7 +63,6 @@ class Outcome(Entry):
     final: bool = True
 
 
-COLUMNS = ("machine", "payload", "seconds", "error")  # of the frame, beside changes and answers
 _studies: dict[str, Study] = {}
 _one_at_a_time = threading.Lock()  # threads of one worker process
 

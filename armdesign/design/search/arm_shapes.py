@@ -56,22 +56,15 @@ def of_other_shapes(problem: Problem, designs: Sequence[Array]) -> list[int]:
 
     All, where every cylinder that moves lies across several joints.
     """
-    vector, shapes = problem.vector, []
+    vector, rows = problem.vector, np.array(designs)
     compared = [i for i in vector.moving if vector.range_poses[i] is not None]
     if not compared:
-        return list(range(len(designs)))
-    for x in designs:
-        drives = vector.drives(x)
-        arms = [
-            drives[i].actuation(poses).moment_arm[:, drives[i].joints[0]]
-            for i in compared
-            if (poses := vector.range_poses[i]) is not None
-        ]
-        shapes.append(_shapes(np.array(arms)))
+        return list(range(len(rows)))
+    shapes = np.stack([_shapes(_moment_arms(problem, i, rows)) for i in compared], axis=1)
     chosen: list[int] = []
     for k, shape in enumerate(shapes):
-        apart = [np.sqrt(np.mean((shape - shapes[j]) ** 2, axis=1)).max() for j in chosen]
-        if all(each > ALIKE for each in apart):
+        apart = np.sqrt(np.mean((shapes[chosen] - shape) ** 2, axis=2)).max(axis=1)
+        if np.all(apart > ALIKE):
             chosen.append(k)
     return chosen
 

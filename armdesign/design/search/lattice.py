@@ -34,9 +34,10 @@ REACH = 10.0  # steps of the grid that a coordinate may move to either side,
 LENGTHENED, STROKE = 3.0, 0.2  # and for each of them a closed length and a stroke
 STRICT = 30.0  # times that a missed requirement is dearer than while pins are in real numbers
 ROUNDS = 10  # of setting up again where the answer lies, better or not
-# short of its promise, so that an answer went astray where limits bend: half as many steps then
+# where limits bend an answer goes astray: its merit is so far below its promise, and only half as
+# many steps are allowed from then on
 ASTRAY = 0.1
-# answers that are no better, or went astray, after which the best, or the search, is returned to,
+# after so many answers that are no better or went astray it goes on from the best, or the search,
 # with half as many steps
 FAILED = 2
 PROMISED = 2e-5  # of the lowest ω², relative: less is not worth another round
@@ -47,8 +48,8 @@ DECIMALS, DIGITS = 3, 6
 # factor on limits: HiGHS may miss them by 1e-6, which at their price is forty times what counts
 FINELY = 1e3
 CUTS = 8  # times of adding directions at most, to either kind of numbers, until t is
-CLOSE = 1e-5  # that near to the lowest eigenvalue, which is as near
-NODES, GAP = 2_000, 1e-5  # as branch and bound comes to the best
+CLOSE = 1e-5  # that near to the lowest eigenvalue: no nearer than branch and bound comes,
+NODES, GAP = 2_000, 1e-5  # to the best, relative, with so many nodes
 
 
 def on_lattice(search: Search, any_will_do: bool = False) -> Search:
@@ -239,7 +240,7 @@ def _solved(
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     m, count = jacobian.shape
-    values, jacobian, penalties = FINELY * values, FINELY * jacobian, PENALTY * STRICT / FINELY
+    values, jacobian, penalty = FINELY * values, FINELY * jacobian, PENALTY * STRICT / FINELY
     limits = LinearConstraint(np.hstack([jacobian, np.zeros((m, 1)), np.eye(m)]), -values, np.inf)
     cuts, least = np.empty((0, count + 1 + m)), np.empty(0)
     pose, direction = np.repeat(np.arange(len(base)), base.shape[1]), np.linalg.eigh(base)[1]
@@ -252,7 +253,7 @@ def _solved(
         cuts = np.concatenate([cuts, np.hstack([slope, others])])
         least = np.concatenate([least, -constant])
         answer = milp(
-            np.concatenate([costs, [-1.0], np.full(m, penalties)]),
+            np.concatenate([costs, [-1.0], np.full(m, penalty)]),
             integrality=np.concatenate([np.full(count, whole), np.zeros(1 + m)]),
             bounds=Bounds(
                 np.concatenate([ends[0], [-np.inf], np.zeros(m)]),
@@ -271,4 +272,4 @@ def _solved(
             break
         whole = whole or len(pose) == 0 or cut + 1 == CUTS
         direction = vectors[pose, :, 0]
-    return numbers, float(reached - penalties * answer.x[count + 1 :].sum())
+    return numbers, float(reached - penalty * answer.x[count + 1 :].sum())

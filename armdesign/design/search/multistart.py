@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armdesign.arguments import refuse_unless_seed
 from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE, DrawingGrid, Sizes, sizes_and_grid
 from armdesign.design.program.corners import Emphasis
@@ -156,7 +157,11 @@ def start_designs(
     """The designs that searches start from: the given one, today's machine, drawn pins.
 
     Of drawn four-bars those of the most different shapes, see ``arm_shapes``.
+
+    Raises:
+        ArmDesignError: a seed that cannot be.
     """
+    refuse_unless_seed(seed)
     random, vector = np.random.default_rng(seed), problem.vector
     moving = np.array([v.pin is not None for v in vector.variables])
     designs = [] if given is None else [given]

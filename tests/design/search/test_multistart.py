@@ -82,6 +82,13 @@ def test_of_starts_near_one_optimum_one_is_searched_to_the_end(
     assert counts[1] < counts[3]
 
 
+def test_a_seed_below_zero_is_refused() -> None:
+    machine = named("paper_1dof")
+    for search in (ad.optimize, ad.steps):
+        with pytest.raises(ad.ArmDesignError, match="seed: -1 is not allowed; give a whole"):
+            search(machine, Workspace.grid(machine, points=3), seed=-1)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("only_looked_at")
 def test_a_start_that_fails_is_named() -> None:
