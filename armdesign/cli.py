@@ -25,7 +25,7 @@ from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.cli_view import view
 from armdesign.errors import ArmDesignError
-from armdesign.option_values import grid_points, listed
+from armdesign.option_values import grid_points, listed, refuse_empty
 from armdesign.options import (
     FrequencyOption,
     LeastOption,
@@ -36,6 +36,7 @@ from armdesign.options import (
     VaryOption,
 )
 from armdesign.output import tell, write_csv
+from armdesign.package_files import refuse_archive
 from armdesign.runs import AimedSearch, OfMachines, OverWorkspace, Run, Shown, command
 from armdesign.streams import printing
 from armdesign.transaction import as_interrupt
@@ -425,7 +426,8 @@ def main() -> None:
     output.kept.clear()
     with as_interrupt() as signals, printing():
         try:
-            output.refuse_archive()
+            refuse_archive()
+            refuse_empty(sys.argv[1:])
             code = app(standalone_mode=False)
             if code != INTERRUPTED:  # as typer answers Ctrl-C
                 sys.exit(code)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from armdesign.errors import ArmDesignError, choose
@@ -14,6 +15,15 @@ if TYPE_CHECKING:
     from armdesign.design.catalogue.sizes import Sizes
     from armdesign.frequency.bands import Bands
     from armdesign.machine.machine import Machine
+
+
+def refuse_empty(words: Sequence[str]) -> None:
+    """Raise where a word of the command line is empty, as an unset variable of a shell is."""
+    for before, word in pairwise(["armdesign", *words]):
+        option, equals, value = word.partition("=")
+        if not word or (option.startswith("--") and equals and not value):
+            fault, remedy = "is followed by an empty word", "give a value, or leave it out"
+            raise ArmDesignError(option or before, fault, remedy)
 
 
 def grid_points(points: str) -> int | list[int] | None:

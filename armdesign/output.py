@@ -286,15 +286,6 @@ def outputs(out: Path, *, silent: bool = False) -> Iterator[Path]:
             tell(f"wrote {', '.join(written)} to {out}/")
 
 
-def refuse_archive() -> None:
-    """Raise where the package's own files cannot be read, as from within a wheel."""
-    module = Path(__file__)
-    if not module.is_file():
-        archive = next((str(path) for path in module.parents if path.is_file()), str(module))
-        remedy = f"install it: pip install {archive}"
-        raise ArmDesignError("armdesign", f"cannot run from within {archive}", remedy)
-
-
 def tell(text: str, file: TextIO | None = None) -> None:
     """Print a line: on stdout, or on a stream that is given."""
     print(printable(text), file=file)

@@ -27,7 +27,7 @@ def lowest(machine: ad.Machine, workspace: ad.Workspace, draw: bool = False) -> 
     return {
         "worst_hz": worst.frequency,
         "cylinder": worst.cylinder,
-        "payload": worst.payload,
+        "payload_at_worst": worst.payload,
         "median_hz": frequencies.percentiles().loc["all", "50 %"],
         "most_often": shares.idxmax(),
         "share": shares.max(),

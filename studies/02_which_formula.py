@@ -38,7 +38,7 @@ def error(machine: ad.Machine, workspace: ad.Workspace, formula: str) -> dict[st
         "worst": ratio.max(),
         "lowest_pose": ratio.iloc[int(frequencies.frame["f1_hz"].to_numpy().argmin())],
         "where": ", ".join(f"{joint} {worst[joint]:.2f}" for joint in machine.joints),
-        "payload": worst["payload"],
+        "payload_at_worst": worst["payload"],
     }
 
 

@@ -44,7 +44,7 @@ def band(
         "least_hz": band.low.frequency,
         "file_hz": band.nominal,
         "greatest_hz": band.high.frequency,
-        "payload": band.low.payload,
+        "payload_at_worst": band.low.payload,
         "payload_share": band.low.corner.payload_share,
         "link_share": band.low.corner.link_share,
     }

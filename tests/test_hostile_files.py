@@ -145,7 +145,15 @@ URDFS: dict[str, tuple[Callable[[], str], str]] = {
         lambda: ONE.urdf_text.replace(
             "<inertial>", f"<inertial>{'<mass>' * 100_000}{'</mass>' * 100_000}", 1
         ),
-        "",
+        "more than 50 elements within each other",
+    ),
+    "many elements": (
+        lambda: ONE.urdf_text.replace("</link>", "<a/>" * 300_000 + "</link>", 1),
+        "more than 100000 elements",
+    ),
+    "many visuals": (
+        lambda: ONE.urdf_text.replace("</link>", "<visual/>" * 40_000 + "</link>", 1),
+        "visuals, more than 5000",
     ),
     "links behind each other": (lambda: with_links(1_500), "joints are one behind the other"),
     "links beside each other": (lambda: with_links(1_500, behind=False), ""),

@@ -23,6 +23,7 @@ ROOMS = (
         "units",
         "errors",
         "arguments",
+        "package_files",
         "text_files",
         "csv_rows",
         "streams",

@@ -69,15 +69,20 @@ def test_a_package_inside_a_wheel(tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel, "w") as archive:
         for path in sorted((ROOT / "armdesign").rglob("*.py")):
             archive.write(path, path.relative_to(ROOT))
+    environment = {**os.environ, "PYTHONPATH": str(wheel)}
     finished = subprocess.run(
         [sys.executable, "-m", "armdesign", "check", "paper_1dof"],
         capture_output=True,
         text=True,
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(wheel)},
+        env=environment,
     )
     assert finished.returncode == 2, finished.stderr
     assert_one_line(finished.stderr, f"cannot run from within {wheel}; install it: pip install")
+    library = "import armdesign as ad; ad.load('paper_1dof')"
+    words = [sys.executable, "-c", library]
+    finished = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert f"cannot run from within {wheel}; install it" in finished.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize("name", ["con", "NUL", "Com1"])
@@ -90,10 +95,11 @@ def test_devices_of_windows(name: str, refused: Refused) -> None:
     [
         (["map", "paper_1dof", "--set", "a" + 20_000 * ".a" + "=1"], "has no such number"),
         (["pareto", "paper_1dof", "--values", "1e300"], "--values: 1e+300 of today's"),
-        (["map", ""], "holds no"),
-        (["identify", ""], "CSV file: cannot be read"),
-        (["optimize", "paper_1dof", "--vary", ""], "vary: () is not allowed"),
-        (["what-if", "paper_1dof", ""], 'what-if: "" is not understood'),
+        (["map", ""], "map: is followed by an empty word; give a value, or leave it out"),
+        (["identify", ""], "identify: is followed by an empty word"),
+        (["optimize", "paper_1dof", "--vary", ""], "--vary: is followed by an empty word"),
+        (["map", "paper_1dof", "--out="], "--out: is followed by an empty word"),
+        (["optimize", "paper_1dof", "--vary", ","], "vary: () is not allowed"),
     ],
 )
 def test_empty_and_huge_options(words: list[str], message: str, refused: Refused) -> None:

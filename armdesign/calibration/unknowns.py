@@ -13,6 +13,7 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.file.numbers import Number, chosen_numbers
+from armdesign.machine.file.section import plain
 from armdesign.machine.machine import Machine
 from armdesign.machine.parts import coordinates
 
@@ -109,7 +110,7 @@ def varied(machine: Machine, changes: Mapping[str, float]) -> Machine:
 
     ``Machine.replace`` edits the text, too, which takes ten times as long.
     """
-    data = machine.section.model_dump()
+    data = plain(machine.section)
     for path, value in changes.items():
         *above, last = (int(key) if key.isdigit() else key for key in path.split("."))
         node: Any = data

@@ -13,7 +13,7 @@ from armdesign.machine.file import machine_file
 from armdesign.machine.file.section import NAME_LENGTH, NAME_PATTERN
 from armdesign.machine.file.toml_writing import dump
 from armdesign.mechanism.linkage.kinds import KINDS
-from armdesign.mechanism.urdf_faults import MOVABLE
+from armdesign.mechanism.urdf_faults import MOVABLE, elements
 from armdesign.text_files import LARGEST_URDF
 
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
@@ -58,7 +58,7 @@ def read(urdf: str | Path) -> tuple[str, Path]:
         MachineFileError: it is neither, or cannot be read.
     """
     if isinstance(urdf, str) and "<" in urdf:
-        return urdf, Path(f"{_usable_name(_robot(urdf, 'urdf').get('name', ''))}.urdf")
+        return urdf, Path(f"{_usable_name(elements(urdf, 'urdf').get('name', ''))}.urdf")
     if not isinstance(urdf, str | Path):
         fault = f"type {type(urdf).__name__} is not allowed"
         raise MachineFileError("urdf", fault, "give a path or the URDF's text")
@@ -93,7 +93,7 @@ def machine_text(
             remedy = "expected {key: value} as in a machine file"
             fault = f"type {type(value).__name__} is not allowed"
             raise MachineFileError(ARGUMENTS[key], fault, remedy)
-    robot = _robot(urdf_text, path.name)
+    robot = elements(urdf_text, path.name)
     if joints is None:
         joints = _driven(robot, given.get("cylinder", {}), given.get("motor", {}))
     joints = [str(joint) for joint in joints]
@@ -111,14 +111,6 @@ def machine_text(
     present = {key: value for key, value in data.items() if value is not None}
     text = dump(present, f"made from {path.name}")
     return text if "bands" in given else text.replace("[bands]", f"[bands]  # {OF_BANDS}")
-
-
-def _robot(text: str, source: str) -> ET.Element:
-    try:
-        return ET.fromstring(text)
-    except ET.ParseError as error:
-        fault = f"not well-formed XML ({error})"
-        raise MachineFileError(source, fault, "correct the URDF at that place") from None
 
 
 def _usable_name(words: str) -> str:

@@ -10,6 +10,7 @@ from armdesign.machine.file import machine_file
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import lines_of
 from armdesign.machine.machine import Machine
+from armdesign.package_files import refuse_archive
 
 
 def load(path_or_name: str | Path, *, allow_outside: bool = False) -> Machine:
@@ -57,11 +58,16 @@ def _texts(path_or_name: str | Path, allow_outside: bool) -> tuple[str, str, Pat
 
 
 def shipped() -> dict[str, Path]:
-    """Machine files that come with the package, by name."""
+    """Machine files that come with the package, by name.
+
+    Raises:
+        ArmDesignError: the package is in an archive.
+    """
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "robots", package.parent / "robots"):  # of a wheel; of a checkout
         if folder.is_dir():
             return {p.stem: p for p in sorted(folder.glob("*/*.toml")) if p.stem == p.parent.name}
+    refuse_archive()
     return {}
 
 

@@ -198,8 +198,7 @@ class Machine:
         """The machine under another load case, by its name, or with another mass [kg].
 
         A mass sits where the case at work has its own; if that has none, where the first case has
-        that has one. It is a load case beside the file's, and maps and designs count it
-        too; the file itself does not change.
+        that has one. Maps and designs count it beside the file's; the file does not change.
         """
         if isinstance(payload, str):
             return replace(self, payload=case_named(payload, self.payloads, self.name))
@@ -222,10 +221,12 @@ class Machine:
         return tuple(case for case in self.payloads if case.name in self.section.payload)
 
     def loaded_like(self, other: Machine) -> Machine:
-        """This machine with the load case at work of another, and with its masses."""
-        own = tuple(case for case in other.payloads if case.name not in other.section.payload)
-        machine = replace(self, payloads=(*self._cases_of_file, *own))
-        return machine.with_payload(other.payload.name)
+        """This machine with the load case at work of another, without those that it leaves out."""
+        of_file = other.section.payload
+        left_out = of_file.keys() - {case.name for case in other.payloads}
+        kept = (case for case in self._cases_of_file if case.name not in left_out)
+        own = (case for case in other.payloads if case.name not in of_file)
+        return replace(self, payloads=(*kept, *own)).with_payload(other.payload.name)
 
     def replace(self, changes: Mapping[str, Any]) -> Machine:
         """The machine with other numbers at key paths of its file, in the file's units.

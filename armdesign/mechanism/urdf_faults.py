@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -30,6 +31,9 @@ KEPT = {
     "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
 }
 MOST, DEEPEST = 5_000, 500  # links of one URDF, and one behind the other: Pinocchio recurses
+COUNTED = ("link", "joint", "visual")  # of which there are not more than MOST
+MOST_ELEMENTS, NESTED = 100_000, 50  # of XML, and within each other: a URDF has six
+FEWER = "leave out what is not of the arm"
 MOST_FAULTS = 200  # that are told at once
 
 
@@ -63,13 +67,7 @@ def parse(text: str, source: str) -> ET.Element:
     Raises:
         MachineFileError: no XML, no URDF, or one with macros.
     """
-    try:
-        parser = ET.XMLParser(target=ET.TreeBuilder(element_factory=Located))
-        robot: ET.Element = ET.fromstring(text, parser=parser)
-    except ET.ParseError as error:
-        fault = f"not well-formed XML ({error})"
-        raise MachineFileError(source, fault, "correct the URDF at that place") from None
-    _locate(robot, text)
+    robot = elements(text, source)
     if robot.tag != "robot":
         tag = robot.tag.replace("{", "").replace("}", " ")  # a namespace is in braces
         raise MachineFileError(source, f"the XML root is <{tag}>, not <robot>", "give a URDF file")
@@ -77,25 +75,57 @@ def parse(text: str, source: str) -> ET.Element:
         if "/xacro}" in str(part.tag):
             fault = f"holds a macro (<xacro:{part.tag.rpartition('}')[2]}>)"
             raise MachineFileError(source, fault, "expand it: xacro FILE > FILE.urdf")
+    for kind, count in Counter(part.tag for part in robot.iter()).items():
+        if kind in COUNTED and count > MOST:
+            raise MachineFileError(source, f"has {count} {kind}s, more than {MOST}", FEWER)
     robot.attrib = {"name": "arm"}
     for element in [*robot.iter()]:
         element[:] = [part for part in element if part.tag in KEPT.get(element.tag, ())]
-    for kind in ("link", "joint"):
-        if (count := len(robot.findall(kind))) > MOST:
-            fault = f"has {count} {kind}s, more than {MOST}"
-            raise MachineFileError(source, fault, "leave out what is not of the arm")
     return robot
 
 
-def _locate(robot: ET.Element, text: str) -> None:
-    """Give every element its line, which only a second pass over the text can tell."""
-    lines: list[int] = []
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda *_: lines.append(parser.CurrentLineNumber)
-    parser.Parse(text, True)
+def elements(text: str, source: str) -> ET.Element:
+    """All elements of a URDF, each with its line.
+
+    Raises:
+        MachineFileError: no XML, or more of it than a URDF has.
+    """
+    try:
+        lines = _lines(text, source)
+        parser = ET.XMLParser(target=ET.TreeBuilder(element_factory=Located))
+        robot: ET.Element = ET.fromstring(text, parser=parser)
+    except (expat.ExpatError, ET.ParseError) as error:
+        fault = f"not well-formed XML ({error})"
+        raise MachineFileError(source, fault, "correct the URDF at that place") from None
     for element, line in zip(robot.iter(), lines, strict=True):
         if isinstance(element, Located):
             element.line = line
+    return robot
+
+
+def _lines(text: str, source: str) -> list[int]:
+    """Line of every element, which only a pass of its own over the text can tell."""
+    lines: list[int] = []
+    inside = 0
+
+    def opened(*_: object) -> None:
+        nonlocal inside
+        inside += 1
+        lines.append(parser.CurrentLineNumber)
+        if inside > NESTED:
+            fault = f"has more than {NESTED} elements within each other"
+            raise MachineFileError(source, fault, FEWER, lines[-1])
+        if len(lines) > MOST_ELEMENTS:
+            raise MachineFileError(source, f"has more than {MOST_ELEMENTS} elements", FEWER)
+
+    def closed(_: object) -> None:
+        nonlocal inside
+        inside -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = opened, closed
+    parser.Parse(text, True)
+    return lines
 
 
 def faults(

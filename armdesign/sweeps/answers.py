@@ -73,7 +73,7 @@ class Sweep:
                 "machine": case.machine,
                 "payload": case.payload or "",
                 **{path: case.settings.get(path) for path in paths},
-                **{name: one.answer.get(name) for name in self.names if name not in paths},
+                **{name: one.answer.get(name) for name in self.names},
                 "seconds": one.seconds,
                 "error": one.error,
             }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
@@ -18,10 +18,10 @@ from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
-from armdesign.sweeps.answers import Sweep, names_of
+from armdesign.sweeps.answers import COLUMNS, Sweep, names_of
 from armdesign.sweeps.cases import Case, Changes, all_changes, sobol_changes
 from armdesign.sweeps.numbers import Numbers
-from armdesign.sweeps.tasks import WHOLE_FILE, Task, identity_of, refuse_options
+from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
 
 
@@ -128,8 +128,9 @@ def sweep(
         refuse_options(task, one)
     study = _study(_machines(machine), task, shared, workspace, points)
     cases = list(_cases(study, chosen, more["payloads"], sets))
+    taken = frozenset(name for case in cases for name in case.settings).union(COLUMNS)
     run = _CaseRunner(
-        study=study,
+        study=replace(study, columns=taken),
         workers=workers,
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),
@@ -192,7 +193,8 @@ class _CaseRunner:
 
     def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
         """Fill in the answers that the sweep's own journal has, and those that are computed."""
-        entries = journal.entries()
+        columns = self.study.columns  # a journal may have answers of a sweep with other ones
+        entries = {k: e for k, e in journal.entries().items() if not columns & e.answer.keys()}
         known |= {case.key: entries[case.key] for case in cases if case.key in entries}
         for case, outcome in self._told([c for c in cases if c.key not in known], known):
             if outcome.final:
@@ -344,11 +346,8 @@ def _cases(
     """The cases with their keys.
 
     Raises:
-        ArmDesignError: load cases that do not exist or that the task cannot take alone.
+        ArmDesignError: load cases that do not exist.
     """
-    if payloads is not None and study.task in WHOLE_FILE:
-        fault = f"{study.task} counts all load cases together"
-        raise ArmDesignError("payloads", fault, "leave payloads out")
     for name, machine in study.machines.items():
         identity = digest([study.name, machine.identity])
         for payload in payloads or (None,):

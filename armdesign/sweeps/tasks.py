@@ -100,7 +100,6 @@ TASKS: dict[str, Task] = {
     "control": control,
     "simulate": simulate,
 }
-WHOLE_FILE = ("design",)  # tasks that read new machines back from their files: all load cases
 
 
 def task_named(name: str) -> Task:

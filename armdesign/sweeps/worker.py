@@ -41,6 +41,7 @@ class Study:
         options: of the task, in all cases.
         workspace: the poses; None: a joint grid of every changed machine.
         points: of that grid.
+        columns: names that no answer may have: a frame's other columns.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Study:
     options: Mapping[str, Any]
     workspace: Workspace | None
     points: Any
+    columns: frozenset[str] = frozenset(COLUMNS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +124,7 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
     task = task_named(study.task) if isinstance(study.task, str) else study.task
     plain = _plain(task(machine, workspace, **study.options, **case.options))
     for name in plain:
-        if name in (*COLUMNS, *case.changes):
+        if name in study.columns:
             fault = "is the name of another column"
             raise ArmDesignError(f"answer {name}", fault, "give it another name")
     return plain

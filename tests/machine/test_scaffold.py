@@ -226,7 +226,6 @@ def test_two_machines_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyP
     [
         (["../up"], 'name: "../up" is not allowed; start with a letter'),
         (["a b"], "is not allowed; start with a letter"),
-        ([""], "is not allowed; start with a letter"),
         (["9x"], "is not allowed; start with a letter"),
         (["x" * 65], "at most 64"),
         (["x\n"], "is not allowed"),

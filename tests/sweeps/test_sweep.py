@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import linecache
 import os
+import re
 import signal
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -205,6 +206,37 @@ def test_an_answer_with_the_name_of_another_column_is_refused() -> None:
     assert len(failed) == 4 * len(taken)
 
 
+def test_an_answer_meets_no_column_of_another_case(tmp_path: Path) -> None:
+    """Not one that the journal has of a sweep without that column either."""
+    path, journal = "fluid.bulk_modulus_MPa", tmp_path / "j.sqlite"
+    options = {"name": path}
+    alone = ad.sweep("paper_1dof", None, meets_columns, options=options, journal=journal)
+    assert alone.frame[path].tolist() == [ad.load("paper_1dof").fluid.bulk_modulus]
+    cases = [{}, {path: 900}]
+    both = ad.sweep("paper_1dof", cases, meets_columns, options=options, journal=journal)
+    assert both.frame["error"].str.contains("is the name of another column").all()
+
+
+@pytest.mark.parametrize("case", ["empty", "full"])
+def test_designs_for_one_load_case_alone(case: str) -> None:
+    """As of a file that has no other; with requirements and changes."""
+    machine, points = ad.load("excavator_20t"), [3, 3, 4]
+    other = {"empty": "full", "full": "empty"}[case]
+    text = re.sub(rf"(?ms)^\[payload\.{other}\].*?(?=^\[)", "", machine.text)
+    alone = ad.Machine.from_text(text, machine.urdf_text, machine.source)
+    assert [one.name for one in alone.payloads] == [case]
+    options = {"vary": ["areas"], "catalogue": "free"}
+    more = {"task": "design", "options": options, "points": points}
+    changes, rules = {"fluid.bulk_modulus_MPa": [1100]}, [{"lift_share": 0.9}, {"lift_share": 1.0}]
+    one = ad.sweep(machine, changes, payloads=[case], requirements=rules, **more)
+    other_one = ad.sweep(alone, changes, requirements=rules, **more)
+    left_out = ["seconds", "payload"]
+    pd.testing.assert_frame_equal(
+        one.frame.drop(columns=left_out), other_one.frame.drop(columns=left_out)
+    )
+    assert not one.failures
+
+
 def test_answers_do_not_hide_that_a_case_failed() -> None:
     sweep = ad.sweep("paper_1dof", WRONG, modulus, points=2)
     with pytest.raises(
@@ -268,7 +300,6 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": {"a": (2, 1)}, "sobol": 4}, "no range"),
         ({"sobol": 4}, "has no ranges"),
         ({"payloads": ["nothing"]}, "nothing"),
-        ({"task": "design", "payloads": ["load"]}, "counts all load cases"),
         ({"options": {"start": 1}}, "no option of the task"),
         ({"options": [{"start": 1}]}, "no option of the task"),
         ({"options": [5]}, "is no set"),

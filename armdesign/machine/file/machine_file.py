@@ -25,6 +25,7 @@ from armdesign.machine.file.schema_faults import (
     of_name,
     unnamed_tables,
 )
+from armdesign.machine.file.section import plain
 from armdesign.machine.file.toml_reading import KeyLines, lines_of, read_toml
 from armdesign.text_files import LARGEST_MACHINE_FILE, LARGEST_URDF
 
@@ -160,7 +161,7 @@ def faults(
 
 def flat(section: MachineSection) -> dict[str, Any]:
     """Every value of a machine file by its key path, defaults included; lists whole."""
-    return dict(_leaves(section.model_dump()))
+    return dict(_leaves(plain(section)))
 
 
 def _leaves(table: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -36,3 +36,15 @@ class Section(BaseModel):
     """A table of the file: no unknown keys, no other types, no NaN."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+def plain(value: Any) -> Any:
+    """A table as a dict, to any depth, as ``model_dump`` gives it.
+
+    Pydantic's own takes Ctrl-C in the function of a discriminator for a wrong type, and goes on.
+    """
+    if isinstance(value, Section):
+        return {name: plain(item) for name, item in value}
+    if isinstance(value, dict):
+        return {name: plain(item) for name, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list) else value

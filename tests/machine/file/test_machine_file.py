@@ -9,11 +9,23 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.machine.file.section import plain
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
 from tests.machine.file.changed_files import EXCAVATOR, FILE, TEXT, changed_lines, unusual
 
 # ----------------------------------------------------------------------------------------- reading
+
+
+@pytest.mark.parametrize("name", [*shipped(), "shares by actuator"])
+def test_tables_are_as_pydantic_gives_them(name: str) -> None:
+    """Down to the last number, in its order; and lists are copies."""
+    shares = {"requirements.lift_share": {"default": 0.9, "boom": 0.8}}
+    machine = ad.load(name) if name in shipped() else EXCAVATOR.replace(shares)
+    tables = plain(machine.section)
+    assert repr(tables) == repr(machine.section.model_dump())
+    tables["joints"].append("another")
+    assert "another" not in machine.section.joints
 
 
 def test_units_are_converted_once() -> None:
