@@ -24,7 +24,7 @@ def broken(folder: Path, old: str, new: str) -> str:
 BAD = [
     (["excavater_20t"], 'did you mean "excavator_20t"'),
     (["none.toml"], "none.toml: no such file"),
-    ([""], "holds no"),
+    ([""], "is followed by an empty word"),
     (["."], "holds no"),
     (
         ["excavator_20t", "--points", "x"],
