@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
@@ -108,22 +109,29 @@ def test_a_wrong_study_is_one_line(
     assert_one_line(capsys.readouterr().err, message)
 
 
-def started(study: str, out: Path) -> subprocess.Popen[str]:
-    words = [*ARMDESIGN, "sweep", study, "--out", str(out), "--workers", "1"]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
 @pytest.mark.slow
-def test_ctrl_c_says_what_is_kept_and_how_to_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "workers"), [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGHUP, 2)]
+)
+def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
+    number: int, workers: int, tmp_path: Path
+) -> None:
+    """A terminal sends its signals to all processes of the command."""
     moduli = ", ".join(str(900 + n) for n in range(400))
     study = written(tmp_path, STUDY.replace("900, 1000, 1200", moduli))
-    run = started(study, tmp_path / "out")
+    run = subprocess.Popen(
+        [*ARMDESIGN, "sweep", study, "--out", str(tmp_path / "out"), "--workers", str(workers)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        process_group=0,
+    )
     log = tmp_path / "out" / "sweep.sqlite-wal"  # grows by two pages or more with every case
     while not log.exists() or log.stat().st_size < LOGGED:
         time.sleep(0.05)
-    run.send_signal(signal.SIGINT)
+    os.killpg(run.pid, number)
     _, words = run.communicate(timeout=60)
-    assert run.returncode == 130
+    assert run.returncode == 128 + number
     kept = r"what was finished is kept in \S+sweep\.sqlite; go on with: armdesign sweep .*\n"
     assert re.fullmatch(r"armdesign: interrupted at case \d+ of 1200; " + kept, words)
 

@@ -7,10 +7,12 @@ again in a new one, one by one, so that the one that kills its worker is known b
 from __future__ import annotations
 
 import os
+import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any
 
 from armdesign.sweeps.cases import Case
@@ -95,10 +97,29 @@ def _completed(running: Running) -> tuple[list[tuple[Case, Outcome]], list[Case]
 
 def _pool(study: Study, workers: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
+    from joblib.externals.loky.backend.resource_tracker import ensure_running
 
+    with _without_hangup():
+        ensure_running()
     return ProcessPoolExecutor(
         workers, initializer=prepare_process, initargs=(study, os.getpid()), env=ONE_THREAD
     )
+
+
+@contextmanager
+def _without_hangup() -> Iterator[None]:
+    """Context in which a closed terminal ends nothing, nor processes that are begun in it.
+
+    Loky's process that cleans up must outlive all others, or it is begun anew and complains.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end(pool: Any) -> None:
