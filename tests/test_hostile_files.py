@@ -143,7 +143,7 @@ URDFS: dict[str, tuple[Callable[[], str], str]] = {
     ),
     "deep elements": (
         lambda: ONE.urdf_text.replace(
-            "<inertial>", f"<inertial>{'<mass>' * 100_000}{'</mass>' * 100_000}", 1
+            "</link>", f"{'<mass>' * 100_000}{'</mass>' * 100_000}</link>", 1
         ),
         "more than 50 elements within each other",
     ),

@@ -291,10 +291,13 @@ def _levels(roots: Array, noise: Noise, now: BestShapes, slopes: Array, variance
         probes, energy, rank = _powers(2j * math.pi / length * lines, length), 0.0, 0
         for left, own, size in fits:
             taken = np.linalg.qr(np.hstack([noise.trend_basis, now.basis, own]))[0]
-            free, sizes, _ = np.linalg.svd(probes - taken @ (taken.T @ probes), False)
-            free = free[:, sizes > FREE * math.sqrt(length / 2)]
-            energy += float(np.sum((free.T @ left) ** 2)) / max(size, 1e-300)
-            rank += free.shape[1]
+            free = probes - taken @ (taken.T @ probes)
+            # not by its singular values: where many are equal, LAPACK's gesdd may not converge
+            squares, axes = np.linalg.eigh(free.T @ free)
+            kept = squares > FREE**2 * length / 2
+            parts = (left @ free @ axes[:, kept]) ** 2 / squares[kept]
+            energy += float(np.sum(parts)) / max(size, 1e-300)
+            rank += len(parts)
         if rank > 2:  # Student's t of so many degrees of freedom has the variance n/(n − 2)
             levels[k] = max(1.0, energy / (rank - 2))
     return levels
