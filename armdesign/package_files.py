@@ -1,4 +1,4 @@
-"""The package's own files: machines, templates, machine code of numba."""
+"""The package's own files, which must be able to be read: machines, templates."""
 
 from __future__ import annotations
 
