@@ -316,7 +316,7 @@ def _fit(
         fits += _with_input_noise(lines, fits, input_noise / inputs**2)
     weights = weights_of(fits)
     mean, deviations, remainders = averaged(fits, weights)
-    if np.any(mean[:, 1] >= OVERDAMPED) or np.all(deviations[:, 0] >= mean[:, 0]):
+    if not np.any((mean[:, 1] < OVERDAMPED) & (deviations[:, 0] < mean[:, 0])):
         remedy = "it is overdamped, or the amplitude too small"
         raise SimulationError(part, "shows no oscillation in the band", remedy)
     likeliest = fits[int(np.argmax(weights))]

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import StateSpace, lsim
+from scipy.signal import StateSpace, chirp, lsim
 
 from armdesign import identify_forced_response, identify_frequency_response
 from armdesign.errors import SimulationError
@@ -74,6 +74,26 @@ def test_two_modes_in_the_band() -> None:
     fit = identify_forced_response(time, u, y, BAND, modes=2)
     assert fit.natural_frequencies == pytest.approx([0.9, 1.2], rel=1e-3)
     assert fit.damping_ratios == pytest.approx([0.01, 0.02], abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", [4, 9, 13, 17])
+def test_a_mode_asked_for_that_the_band_does_not_show_hides_no_other(seed: int) -> None:
+    """Another mode lies above the band. The second of the fit has more than critical damping, for
+    which the first was refused too.
+    """
+    random, time = np.random.default_rng(seed), np.arange(0, 10, 0.01)
+    frequency, zeta, far = (
+        random.uniform(1.5, 2.5),
+        random.uniform(0.01, 0.05),
+        random.uniform(4, 12),
+    )
+    u = chirp(time, f0=1, t1=10, f1=3)
+    y = answer_of(frequency, zeta, time, u) + 0.3 * answer_of(far, 0.05, time, u)
+    y += 1e-3 * y.std() * random.standard_normal(len(y))
+    fit = identify_forced_response(time, u, y, (1.0, 3.0), modes=2)
+    nearest = np.abs(fit.natural_frequencies - frequency).argmin()
+    assert fit.natural_frequencies[nearest] == pytest.approx(frequency, rel=1e-4)
+    assert fit.damping_ratios[nearest] == pytest.approx(zeta, abs=1e-4)
 
 
 def test_the_raw_peak_would_be_wrong_where_the_fit_is_right() -> None:
