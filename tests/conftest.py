@@ -7,7 +7,9 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # a core for each process, before numpy starts
 
 import gc
+import math
 import signal
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -40,7 +42,20 @@ gc.set_threshold(50_000)  # by default the search for garbage takes a sixth of t
 # a background job of a shell has it ignored
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+BEGUN = time.monotonic()
 COMPILING = ("tests/simulation/test_validation.py", "tests/control/test_bandwidth_map.py")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--minutes", type=float, default=math.inf, help="begin no test after them")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """On a machine several times slower than others, a run ends with the count of what is left."""
+    minutes = item.config.getoption("--minutes")
+    if time.monotonic() - BEGUN > 60 * minutes:
+        pytest.skip(f"not begun: {minutes:g} minutes are over")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
