@@ -98,6 +98,8 @@ def test_devices_of_windows(name: str, refused: Refused) -> None:
         (["map", ""], "map: is followed by an empty word; give a value, or leave it out"),
         (["identify", ""], "identify: is followed by an empty word"),
         (["optimize", "paper_1dof", "--vary", ""], "--vary: is followed by an empty word"),
+        (["what-if", "paper_1dof", ""], "paper_1dof: is followed by an empty word"),
+        (["what-if", "paper_1dof", " "], 'what-if: " " is not understood'),
         (["map", "paper_1dof", "--out="], "--out: is followed by an empty word"),
         (["optimize", "paper_1dof", "--vary", ","], "vary: () is not allowed"),
     ],

@@ -55,7 +55,7 @@ class Sweep:
     @property
     def paths(self) -> tuple[str, ...]:
         """Key paths that any case changes, and options that only some have."""
-        return tuple(dict.fromkeys(path for case in self.cases for path in case.settings))
+        return paths_of(self.cases)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -105,6 +105,11 @@ class Sweep:
         from armdesign import plots
 
         return plots.sweep_answers(self, answer)
+
+
+def paths_of(cases: Iterable[Case]) -> tuple[str, ...]:
+    """Key paths that any case changes, and options that only some have."""
+    return tuple(dict.fromkeys(path for case in cases for path in case.settings))
 
 
 def names_of(outcomes: Iterable[Entry]) -> tuple[str, ...]:

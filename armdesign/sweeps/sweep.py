@@ -18,7 +18,7 @@ from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
-from armdesign.sweeps.answers import COLUMNS, Sweep, names_of
+from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
 from armdesign.sweeps.cases import Case, Changes, all_changes, sobol_changes
 from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
@@ -128,9 +128,8 @@ def sweep(
         refuse_options(task, one)
     study = _study(_machines(machine), task, shared, workspace, points)
     cases = list(_cases(study, chosen, more["payloads"], sets))
-    taken = frozenset(name for case in cases for name in case.settings).union(COLUMNS)
     run = _CaseRunner(
-        study=replace(study, columns=taken),
+        study=replace(study, columns=frozenset([*COLUMNS, *paths_of(cases)])),
         workers=workers,
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),

@@ -226,6 +226,7 @@ def test_two_machines_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyP
     [
         (["../up"], 'name: "../up" is not allowed; start with a letter'),
         (["a b"], "is not allowed; start with a letter"),
+        ([""], "new: is followed by an empty word"),
         (["9x"], "is not allowed; start with a letter"),
         (["x" * 65], "at most 64"),
         (["x\n"], "is not allowed"),
@@ -289,3 +290,8 @@ def test_units_and_descriptions_are_in_it() -> None:
         for key in section.get("properties", {})
     }
     assert set(DESCRIPTIONS) <= keys
+
+
+def test_no_name_is_refused_in_python_too() -> None:
+    with pytest.raises(ad.ArmDesignError, match='"" is not allowed; start with a letter'):
+        template.new("")
