@@ -40,7 +40,8 @@ ASTRAY = 0.1
 # after so many answers that are no better or went astray it goes on from the best, or the search,
 # with half as many steps
 FAILED = 2
-PROMISED = 2e-5  # of the lowest ω², relative: less is not worth another round
+PROMISED = 2e-5  # of the lowest ω², relative: what is not as much better is not better,
+WORTH = 1e-4  # and less is not worth another round, unless so much is won by missing less
 LONGER = 1e-6  # that each step of a closed length costs: of equal designs the shorter
 # decimals of steps to which a search's end is known, and digits of its ω²: rounding of last bits,
 # which differs from processor to processor, is not to decide where branch and bound goes
@@ -63,15 +64,15 @@ def on_lattice(search: Search, any_will_do: bool = False) -> Search:
     about = home = lattice.start
     best, reach, failed = None, REACH, 0
     for _ in range(ROUNDS):
-        numbers, promised = lattice.step(about, reach)
-        if best and about is home and promised < best.trial.merit + PROMISED:
+        promise = lattice.step(about, reach)
+        if best and about is home and not promise.worth_a_round(best.trial):
             break
-        about = lattice.at(numbers)
+        about = lattice.at(promise.numbers)
         better = best is None or about.trial.merit > best.trial.merit + PROMISED
         best = about if better else best
         if better and any_will_do and about.trial.limits.values.min() >= 0:
             break
-        astray = about.trial.merit < promised - ASTRAY
+        astray = about.trial.merit < promise.merit - ASTRAY
         home, failed = (about, 0) if better and not astray else (home, failed + 1)
         if astray or failed == FAILED:
             reach /= 2
@@ -91,6 +92,24 @@ class Point:
     def of(cls, search: Search) -> Point:
         """The design at which a search stands."""
         return cls(search, search.trial(search.x))
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """Whole numbers k that are best where all is linear, the merit there, and limits missed.
+
+    ``missed`` is the sum of all amounts.
+    """
+
+    numbers: Array
+    merit: float
+    missed: float
+
+    def worth_a_round(self, best: Trial) -> bool:
+        """Whether there is enough to win on the best trial, in frequency or by missing less."""
+        won = self.merit - best.merit
+        kept = PENALTY * STRICT * (np.maximum(-best.limits.values, 0.0).sum() - self.missed)
+        return won > WORTH or (won > PROMISED and kept > PROMISED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +180,8 @@ class Lattice:
         lengths = [length for i in self.cylinders for length in chosen[i] or ()]
         return (np.array([*point.trial.x[self.entries], *lengths]) - self.origin) / self.unit
 
-    def step(self, about: Point, reach: float) -> tuple[Array, float]:
-        """The best numbers, all linear about a design, and the merit that they promise.
+    def step(self, about: Point, reach: float) -> Promise:
+        """The best numbers, all linear about a design.
 
         Raises:
             InfeasibleError: branch and bound gave up.
@@ -229,8 +248,8 @@ def _solved(
     jacobian: Array,
     ends: tuple[Array, Array],
     costs: Array,
-) -> tuple[Array, float]:
-    """Whole numbers k within ends that are best, and the merit that they promise.
+) -> Promise:
+    """Whole numbers k within ends that are best.
 
     Of stiffness base + Σ k · slopes over the reference, and limits values + jacobian · k.
 
@@ -272,4 +291,5 @@ def _solved(
             break
         whole = whole or len(pose) == 0 or cut + 1 == CUTS
         direction = vectors[pose, :, 0]
-    return numbers, float(reached - penalty * answer.x[count + 1 :].sum())
+    missed = float(answer.x[count + 1 :].sum())
+    return Promise(numbers, float(reached - penalty * missed), missed / FINELY)
