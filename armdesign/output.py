@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from armdesign.simulation.identified import Identified
     from armdesign.simulation.validation import Validation
 
+LOOKED_AT, FEW = 512, 64  # of a column's numbers, and as many of them that are few
 UNBOUNDED = 10_000  # columns, where the output is no terminal
 stops: list[KeyboardInterrupt] = []  # Ctrl-C, of which typer tells nothing
 kept: list[Path] = []  # journals with which the same command goes on
@@ -68,7 +69,7 @@ def _cells(column: pd.Series[Any] | Array) -> tuple[str, Array | list[str]]:
     values, numbers = column.tolist(), column.dtype.kind == "f"
     missing = column.isna().to_numpy() if hasattr(column, "isna") else column != column
     if numbers and not missing.any():
-        return f"%.{DIGITS}g", column.to_numpy() if hasattr(column, "to_numpy") else column
+        return _numbers(column.to_numpy() if hasattr(column, "to_numpy") else column)
     if numbers:
         cells = [f"{value:.{DIGITS}g}" for value in values]
     elif column.dtype.kind in "iub":
@@ -80,6 +81,17 @@ def _cells(column: pd.Series[Any] | Array) -> tuple[str, Array | list[str]]:
     for place in missing.nonzero()[0]:
         cells[place] = ""
     return "%s", cells
+
+
+def _numbers(column: Array) -> tuple[str, Array]:
+    """Format and cells of numbers; few that come again and again, as joints', are made texts."""
+    import numpy as np
+
+    bits = np.ascontiguousarray(column, dtype=float).view(np.int64)  # which tell -0 from 0
+    if len(np.unique(bits[:: len(bits) // LOOKED_AT + 1])) > FEW:
+        return f"%.{DIGITS}g", column
+    some, which = np.unique(bits, return_inverse=True)
+    return "%s", np.array([f"{each:.{DIGITS}g}" for each in some.view(float)], object)[which]
 
 
 def _as_written(cell: Any) -> str:
