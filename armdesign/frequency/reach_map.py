@@ -49,6 +49,7 @@ FAR = 1.15  # times a known frequency: what is found first is hardly 7 % above t
 CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
+DAMPING = 1e-12  # there, of squared motion, or in m²
 WHOLE = 1 - 1e-9  # of a cell: the longer side has one more than their number, however rounded
 FINER = 2  # times as many poses in the default joint grid, from which it replaces a coarse one
 EXACT = 20_000  # poses computed at most where nothing can be interpolated
@@ -153,10 +154,9 @@ class _Between:
         q, points = self._lowest(cells, over, q, points)
         matters = points[:, 2] < FAR * least.reshape(-1)[_cell(points, *cells)]
         q, points = q[matters], points[matters]
-        for width in ASTRAY:
-            few = tried[_cell(points, *cells)] < FEW
-            led = self._led_back(q[few], points[few], cells, width)
-            q, points = self._lowest(cells, led, q, points)
+        few = tried[_cell(points, *cells)] < FEW
+        led = self._led_back(q[few], points[few], cells, ASTRAY)
+        q, points = self._lowest(cells, led, q, points)
         for width in WIDTHS:
             q, points = self._lowest(cells, self._around(q, width), q, points)
             q, points = self._lowest(cells, self._to_corners(q, points, cells), q, points)
@@ -172,7 +172,7 @@ class _Between:
         off = np.abs(points[:, 2] / exact[:, 2] - 1) > INEXACT
         q, points = q[off], exact[off]
         for width in WIDTHS:
-            led = self._led_back(q, points, cells, width)
+            led = self._led_back(q, points, cells, (width,))
             near, _ = self._tried(np.concatenate([led, self._to_corners(q, points, cells)]))
             points = np.concatenate([points, _computed(self.machine, near)])
             best = _lowest_of_cells(points, *cells)
@@ -204,12 +204,13 @@ class _Between:
         return np.clip(q + share * (high - low) * random, low, high).reshape(-1, len(low))
 
     def _led_back(
-        self, q: Array, points: Array, cells: tuple[Array, Array], width: float
+        self, q: Array, points: Array, cells: tuple[Array, Array], widths: Sequence[float]
     ) -> Array:
         """Random poses about poses (n, nq), led back to the cells of their points (n, 3)."""
         at = (nearest(axis, place) for axis, place in zip(cells, points.T, strict=False))
         middles = np.stack([axis[i] for axis, i in zip(cells, at, strict=True)], axis=1)
-        starts, goals = self._around(q, width), np.tile(middles, (NEAR, 1))
+        starts = np.concatenate([self._around(q, width) for width in widths])
+        goals = np.tile(middles, (NEAR * len(widths), 1))
         return led_into_cells(self.machine, self.ranges, starts, goals, cells)
 
     def _to_corners(self, q: Array, points: Array, cells: tuple[Array, Array]) -> Array:
@@ -231,8 +232,8 @@ class _Between:
         for rows, held in ((~on_limit, None), (on_limit, self.machine.payload)):
             value, slope = place_and_pitch(self.machine, q[rows], held)
             room = ((high - low) * free[rows])[:, None]
-            motion = np.repeat(np.linalg.pinv(slope * room, rcond=1e-6), len(CORNERS), axis=0)
-            motion *= np.repeat(room, len(CORNERS), axis=0).swapaxes(1, 2)
+            motion = room.swapaxes(1, 2) * _least_motion(slope * room)
+            motion = np.repeat(motion, len(CORNERS), axis=0)
             goal, at = (np.repeat(each, len(CORNERS), axis=0) for each in (value, value))
             goal[:, :2] = corners[rows].reshape(-1, 2)
             there = np.repeat(q[rows], len(CORNERS), axis=0)
@@ -364,6 +365,14 @@ def _freed(free: Flags, needed: Array) -> tuple[Array, Flags]:
         which.append(np.flatnonzero(few & ~free[:, joint]))
         freed.append(free[which[-1]] | own)
     return np.concatenate(which), np.concatenate(freed)
+
+
+def _least_motion(slopes: Array) -> Array:
+    """Right inverses (n, nq, k) of slopes (n, k, nq); where nothing moves, no motion."""
+    square = slopes @ slopes.swapaxes(1, 2)
+    damping = DAMPING * np.maximum(1.0, np.trace(square, axis1=1, axis2=2))
+    square += damping[:, None, None] * np.eye(square.shape[1])
+    return np.asarray(np.linalg.solve(square, slopes).swapaxes(1, 2))
 
 
 def _crossings(start: Array, end: Array, at_start: Array, at_end: Array) -> Array:
