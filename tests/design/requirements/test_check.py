@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from armdesign import Requirements, Workspace
@@ -79,3 +80,17 @@ def test_todays_machine_meets_its_own_requirements(name: str) -> None:
     machine = named(name)
     space = Workspace.grid(machine, points=7)
     assert min(c.slack for c in check(machine, machine, space, Requirements.of(machine))) >= 0
+
+
+@pytest.mark.parametrize(("short_um", "met"), [(-0.5, True), (0.5, True), (2.0, False)])
+def test_a_stroke_may_end_a_micrometre_short(short_um: float, met: bool) -> None:
+    """The largest length that the boom cylinder must reach, from the machine's own poses."""
+    today = named("excavator_20t")
+    q = np.tile(today.ranges.mean(axis=1), (2, 1))
+    q[:, 0] = today.ranges[0]
+    farthest = today.at(q).lengths[:, 0].max()
+    stroke = 1e3 * (farthest - today.cylinders[0].closed_length) - 1e-3 * short_um
+    new = today.replace({"cylinder.boom.stroke_mm": stroke})
+    space = Workspace.grid(today, points=3)
+    slack = by_name(check(new, today, space, Requirements.of(today)))["range.open.boom"].slack
+    assert (slack >= 0) == met
