@@ -12,7 +12,7 @@ import pytest
 
 from armdesign.design.catalogue.sizes import BUILDABLE
 from armdesign.design.program.design_vector import ChosenLengths
-from armdesign.design.search.lattice import STRICT, on_lattice
+from armdesign.design.search.lattice import PENALTY, PROMISED, STRICT, WORTH, Promise, on_lattice
 from armdesign.design.search.sequential_sdp import Search
 from tests.design.designs import problem_of
 
@@ -64,6 +64,26 @@ def test_where_any_design_will_do_it_lies_on_the_grid_and_meets_all() -> None:
     for closed, stroke in filter(None, drawn.problem.vector.chosen_lengths):
         assert closed * 1e3 == pytest.approx(round(closed * 1e3), abs=1e-9)
         assert stroke * 200 == pytest.approx(round(stroke * 200), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("won", "kept", "worth"),
+    [
+        (1.1 * WORTH, 0.0, True),
+        (0.9 * WORTH, 0.0, False),
+        (0.9 * WORTH, 1.1 * PROMISED, True),
+        (0.9 * WORTH, 0.9 * PROMISED, False),
+        (0.9 * PROMISED, 1.1 * PROMISED, False),
+    ],
+)
+def test_a_round_is_worth_frequency_or_a_limit(won: float, kept: float, worth: bool) -> None:
+    """``won`` of merit, ``kept`` of it by missing less; the merit of the best trial is known."""
+    problem = replace(problem_of("double", MOVING, pin_box=0.4), grid=BUILDABLE)
+    search = Search(problem=problem, x=problem.vector.start).look()
+    best = search.trial(search.x)
+    missed = np.maximum(-best.limits.values, 0).sum() - kept / (PENALTY * STRICT)
+    promise = Promise(np.zeros(3), best.merit + won, missed)
+    assert promise.worth_a_round(best) == worth
 
 
 def _coordinates(search: Search) -> np.ndarray:
