@@ -6,9 +6,6 @@ this process.
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
@@ -29,13 +26,6 @@ def best_of(action: Callable[[], Any], times: int = 3) -> tuple[float, Any]:
         result = action()
         shortest = min(shortest, time.perf_counter() - start)
     return shortest, result
-
-
-def command_time(*words: str) -> float:
-    """Shortest wall time [s] of a command of this environment."""
-    return best_of(
-        lambda: subprocess.run([sys.executable, *words], check=True, capture_output=True)
-    )[0]
 
 
 def report(what: str, figure: str, target: str, reached: bool) -> None:
@@ -65,7 +55,6 @@ def main() -> None:
     report(f"sizing over {len(poses.q)} given poses", f"{seconds:.2f} s", "< 0.5 s", seconds < 0.5)
 
     identified(design)
-    commands()
 
 
 def identified(design: ad.Design) -> None:
@@ -83,17 +72,6 @@ def identified(design: ad.Design) -> None:
             "< 2 %",
             deviation < 0.02,
         )
-
-
-def commands() -> None:
-    """Times of commands, each in a process of its own."""
-    with tempfile.TemporaryDirectory() as out:
-        seconds = command_time("-m", "armdesign.cli", "design", MACHINE, "--out", out)
-    report("armdesign design", f"{seconds:.1f} s", "< 60 s", seconds < 60)
-    seconds = command_time("-c", "import armdesign")
-    report("import armdesign", f"{seconds:.2f} s", "< 0.5 s", seconds < 0.5)
-    seconds = command_time("-m", "armdesign.cli", "--help")
-    report("armdesign --help", f"{seconds:.2f} s", "< 0.5 s", seconds < 0.5)
 
 
 if __name__ == "__main__":

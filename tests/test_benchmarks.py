@@ -4,6 +4,9 @@ fair: what rivals are told of a design is what ours is judged by.
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -12,6 +15,7 @@ from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.multistart import formulate
 from benchmarks.__main__ import ALLOWED, table
 from benchmarks.rivals import Judge
+from benchmarks.waiting import ARMDESIGN, Wait, seconds_of
 from tests import machines
 
 
@@ -46,3 +50,12 @@ def test_jobs_cost_no_more_than_agreed(job: str) -> None:
     counts = table([job])
     assert len(counts) > 0
     assert (counts["ratio"] <= ALLOWED).all(), counts.to_string()
+
+
+def test_commands_that_are_timed_run() -> None:
+    """A module without a command in it ends at once, and well."""
+    run = subprocess.run([sys.executable, *ARMDESIGN, "--version"], capture_output=True, text=True)
+    assert run.stdout.startswith("armdesign ")
+    assert seconds_of(Wait(("-c", "raise SystemExit(3)"), 1, ends=3)) > 0
+    with pytest.raises(SystemExit, match="no such"):
+        seconds_of(Wait(("-c", "raise SystemExit('no such')"), 1))
