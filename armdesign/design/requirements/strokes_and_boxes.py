@@ -31,7 +31,7 @@ def _names(boxes: Mapping[str, Mapping[str, float]], machine: Machine) -> Names:
 
 
 ROUNDING_RANGE = 2e-4  # [m] that rounding to 0.1 mm may move an end of the range
-SHORT = 1e-6  # [m] of an end of the range that a stroke may be: nobody can make or measure it
+SHORT = 1e-6  # [m] of an end of a slide that a stroke may be: nobody can make or measure it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,17 +100,19 @@ def strokes_and_boxes(
 def range_covered(new: Candidate, reference: Reference, i: int) -> Iterator[Evaluation]:
     """Closed and open length of a cylinder that moves one joint reach both ends of its range.
 
-    Within ``SHORT``: where the cylinder lies along a slide, strokes in whole steps of a coarse
-    grid would otherwise hang on the last micrometre.
+    Within ``SHORT`` along a slide, where strokes in whole steps of a coarse grid would otherwise
+    hang on the last micrometre.
     """
     swept, today = new.sweeps[i], reference.today
     assert swept is not None
     name, stroke = today.cylinders[i].name, today.cylinders[i].stroke
-    words = f"stroke covers {today.joints[today.linkages[i].joints[0]]}"
+    joint = today.linkages[i].joints[0]
+    words = f"stroke covers {today.joints[joint]}"
+    spare = 0.0 if today.arm.joints[joint].revolute else SHORT
     order = swept[0][0].real.argsort()
     closed, opened = new.closed[:, i], new.closed[:, i] + new.stroke[:, i]
     for end, value, k in (("closed", closed, order[0]), ("open", opened, order[-1])):
-        limit = swept[0][:, k] + (SHORT if end == "closed" else -SHORT)
+        limit = swept[0][:, k] + (spare if end == "closed" else -spare)
         room = limit - value if end == "closed" else value - limit
         yield Evaluation(
             name=f"range.{end}.{name}",

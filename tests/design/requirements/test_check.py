@@ -82,15 +82,27 @@ def test_todays_machine_meets_its_own_requirements(name: str) -> None:
     assert min(c.slack for c in check(machine, machine, space, Requirements.of(machine))) >= 0
 
 
-@pytest.mark.parametrize(("short_um", "met"), [(-0.5, True), (0.5, True), (2.0, False)])
-def test_a_stroke_may_end_a_micrometre_short(short_um: float, met: bool) -> None:
-    """The largest length that the boom cylinder must reach, from the machine's own poses."""
-    today = named("excavator_20t")
+@pytest.mark.parametrize(
+    ("name", "cylinder", "short_um", "met"),
+    [
+        ("loader_crane", "extension", 0.5, True),
+        ("loader_crane", "extension", 2.0, False),
+        ("excavator_20t", "boom", -0.5, True),
+        ("excavator_20t", "boom", 0.5, False),
+    ],
+)
+def test_along_a_slide_a_stroke_may_end_a_micrometre_short(
+    name: str, cylinder: str, short_um: float, met: bool
+) -> None:
+    """The largest length that the cylinder must reach, from the machine's own poses."""
+    today = named(name)
+    i = [one.name for one in today.cylinders].index(cylinder)
+    joint = today.linkages[i].joints[0]
     q = np.tile(today.ranges.mean(axis=1), (2, 1))
-    q[:, 0] = today.ranges[0]
-    farthest = today.at(q).lengths[:, 0].max()
-    stroke = 1e3 * (farthest - today.cylinders[0].closed_length) - 1e-3 * short_um
-    new = today.replace({"cylinder.boom.stroke_mm": stroke})
+    q[:, joint] = today.ranges[joint]
+    farthest = today.at(q).lengths[:, i].max()
+    stroke = 1e3 * (farthest - today.cylinders[i].closed_length) - 1e-3 * short_um
+    new = today.replace({f"cylinder.{cylinder}.stroke_mm": stroke})
     space = Workspace.grid(today, points=3)
-    slack = by_name(check(new, today, space, Requirements.of(today)))["range.open.boom"].slack
-    assert (slack >= 0) == met
+    checks = by_name(check(new, today, space, Requirements.of(today)))
+    assert (checks[f"range.open.{cylinder}"].slack >= 0) == met
