@@ -66,10 +66,11 @@ def write_csv(table: pd.DataFrame | Mapping[str, Array], path: Path) -> None:
 
 def _cells(column: pd.Series[Any] | Array) -> tuple[str, Array | list[str]]:
     """The format of a column's cells, and these: texts, empty where there is none, or numbers."""
-    values, numbers = column.tolist(), column.dtype.kind == "f"
+    numbers = column.dtype.kind == "f"
     missing = column.isna().to_numpy() if hasattr(column, "isna") else column != column
     if numbers and not missing.any():
         return _numbers(column.to_numpy() if hasattr(column, "to_numpy") else column)
+    values = column.tolist()
     if numbers:
         cells = [f"{value:.{DIGITS}g}" for value in values]
     elif column.dtype.kind in "iub":

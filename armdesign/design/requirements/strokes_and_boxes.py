@@ -101,7 +101,7 @@ def range_covered(new: Candidate, reference: Reference, i: int) -> Iterator[Eval
     """Closed and open length of a cylinder that moves one joint reach both ends of its range.
 
     Within ``SHORT`` along a slide, where strokes in whole steps of a coarse grid would otherwise
-    hang on the last micrometre.
+    depend on the last micrometre.
     """
     swept, today = new.sweeps[i], reference.today
     assert swept is not None

@@ -26,7 +26,7 @@ from armdesign.design.catalogue.sizes import FINE
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.file_changes import grid_of
-from armdesign.design.search.sequential_sdp import PENALTY, Search, Trial
+from armdesign.design.search.sequential_sdp import PENALTY, Search, Trial, amounts_missed
 from armdesign.errors import InfeasibleError
 from armdesign.units import mm
 
@@ -108,7 +108,7 @@ class Promise:
     def worth_a_round(self, best: Trial) -> bool:
         """Whether there is enough to win on the best trial, in frequency or by missing less."""
         won = self.merit - best.merit
-        kept = PENALTY * STRICT * (np.maximum(-best.limits.values, 0.0).sum() - self.missed)
+        kept = PENALTY * STRICT * (float(amounts_missed(best.limits).sum()) - self.missed)
         return won > WORTH or (won > PROMISED and kept > PROMISED)
 
 

@@ -115,7 +115,7 @@ class Search:
     @property
     def violation(self) -> float:
         """Largest amount by which a requirement is missed."""
-        return float(_missed(self.limits).max())
+        return float(amounts_missed(self.limits).max())
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -125,7 +125,7 @@ class Search:
     @property
     def missed(self) -> list[str]:
         """Requirements that are missed by more than ``NEARLY``, the worst first."""
-        amounts = _missed(self.limits)
+        amounts = amounts_missed(self.limits)
         order = np.argsort(-amounts, kind="stable")[: int((amounts > NEARLY).sum())]
         return list(dict.fromkeys(self.limits.names[k] for k in order))
 
@@ -306,11 +306,11 @@ class Search:
         return max(trial, corrected, key=lambda t: t.merit)
 
     def _merit(self, squared: float, at: Constraints, scale: float | None = None) -> float:
-        penalty = PENALTY * self.strictness * float(_missed(at).sum())
+        penalty = PENALTY * self.strictness * float(amounts_missed(at).sum())
         return squared / (self.reference if scale is None else scale) - penalty
 
 
-def _missed(at: Constraints) -> Array:
+def amounts_missed(at: Constraints) -> Array:
     """Miss of each requirement; infinite where that is not known."""
     return np.where(np.isnan(at.values), np.inf, np.maximum(-at.values, 0.0))
 
