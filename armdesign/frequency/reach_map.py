@@ -22,7 +22,7 @@ from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.joint_grid import default_counts, nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.reach_plane import place_and_pitch, places, reach_and_height
-from armdesign.frequency.reach_rim import led_into_cells, poses_over_rim
+from armdesign.frequency.reach_rim import least_motion, led_into_cells, poses_over_rim
 from armdesign.frequency.spread import (
     box_poses,
     joints_without_effect,
@@ -49,7 +49,7 @@ FAR = 1.15  # times a known frequency: what is found first is hardly 7 % above t
 CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
-DAMPING = 1e-12  # there, of squared motion, or in m²
+DAMPING = 1e-12  # there, of squared slopes, or in m²
 WHOLE = 1 - 1e-9  # of a cell: the longer side has one more than their number, however rounded
 FINER = 2  # times as many poses in the default joint grid, from which it replaces a coarse one
 EXACT = 20_000  # poses computed at most where nothing can be interpolated
@@ -232,7 +232,10 @@ class _Between:
         for rows, held in ((~on_limit, None), (on_limit, self.machine.payload)):
             value, slope = place_and_pitch(self.machine, q[rows], held)
             room = ((high - low) * free[rows])[:, None]
-            motion = room.swapaxes(1, 2) * _least_motion(slope * room)
+            by_shares = slope * room
+            damping = DAMPING * np.maximum(1.0, (by_shares**2).sum(axis=(1, 2)))
+            each = np.eye(slope.shape[1])
+            motion = room.swapaxes(1, 2) * least_motion(by_shares, each, damping)
             motion = np.repeat(motion, len(CORNERS), axis=0)
             goal, at = (np.repeat(each, len(CORNERS), axis=0) for each in (value, value))
             goal[:, :2] = corners[rows].reshape(-1, 2)
@@ -365,14 +368,6 @@ def _freed(free: Flags, needed: Array) -> tuple[Array, Flags]:
         which.append(np.flatnonzero(few & ~free[:, joint]))
         freed.append(free[which[-1]] | own)
     return np.concatenate(which), np.concatenate(freed)
-
-
-def _least_motion(slopes: Array) -> Array:
-    """Right inverses (n, nq, k) of slopes (n, k, nq); where nothing moves, no motion."""
-    square = slopes @ slopes.swapaxes(1, 2)
-    damping = DAMPING * np.maximum(1.0, np.trace(square, axis1=1, axis2=2))
-    square += damping[:, None, None] * np.eye(square.shape[1])
-    return np.asarray(np.linalg.solve(square, slopes).swapaxes(1, 2))
 
 
 def _crossings(start: Array, end: Array, at_start: Array, at_end: Array) -> Array:

@@ -103,11 +103,21 @@ def _step(slopes: Array, least: Array, most: Array, q: Array, ranges: Array, siz
         bound |= ends != change
         change = np.where(bound, ends, change)
         part = slopes * free[:, None] * bound[..., None]
-        square = part @ part.swapaxes(1, 2) + (DAMPING * size) ** 2 * np.eye(change.shape[1])
-        way = (part.swapaxes(1, 2) @ np.linalg.solve(square, change[..., None]))[..., 0]
+        way = least_motion(part, change[..., None], (DAMPING * size) ** 2)[..., 0]
         change = np.where(bound, change, (slopes @ way[..., None])[..., 0])
         free &= ~((q <= low) & (way < 0)) & ~((q >= high) & (way > 0))
     return np.asarray(way * (high - low))
+
+
+def least_motion(slopes: Array, changes: Array, damping: Array | float) -> Array:
+    """Smallest motions (n, nq, m) by which all changes (n, k, m) of what has slopes (n, k, nq).
+
+    Damped least squares: where nothing can move, no motion. The ``damping`` (n,) is that of
+    squared slopes.
+    """
+    square = slopes @ slopes.swapaxes(1, 2)
+    square += np.reshape(damping, (-1, 1, 1)) * np.eye(square.shape[1])
+    return np.asarray(slopes.swapaxes(1, 2) @ np.linalg.solve(square, changes))
 
 
 def _place_and_tip(machine: Machine, q: Array, size: float) -> tuple[Array, Array, Array]:
