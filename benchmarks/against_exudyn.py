@@ -17,7 +17,6 @@ import os
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 os.environ |= {"EXUDYN_MODULE": "fast"}
 
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -26,12 +25,14 @@ import numpy as np
 from armdesign import Machine
 from armdesign.arrays import Array
 from armdesign.simulation import simulate as motion
+from benchmarks.timing import best_of
 from tests.exudyn.exudyn_machines import named
 from tests.exudyn.exudyn_twin import Twin, Valves
 from tests.exudyn.exudyn_valve import step_response
 
 POSE, STEPS = (0.3, -1.5, 0.0), (0.1, -0.1, 0.05)
 DURATION, RATE = 2.0, 100.0
+TIMES = 5  # of each run
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
 # Exudyn's steps per record
 SOLVERS = {"ExplicitMidpoint": (4, 10, 40, 100), "RK44": (2, 4, 10, 30)}
@@ -39,16 +40,6 @@ FINEST = 200
 # times as fast, of a single run and of a batch, down to an error of 1e-6 and below it
 TARGETS, FINE, FINER = {1: 2, 8: 5}, 1e-6, {1: 4, 8: 5}
 SHARES = (1.0,), tuple(np.linspace(0.3, 1.0, 8).tolist())  # of the steps: a single run, a batch
-
-
-def best_of(action: Callable[[], Array], times: int = 5) -> tuple[float, Array]:
-    """Shortest time [s] of this process of some runs, and the last result."""
-    shortest = np.inf
-    for _ in range(times):
-        start = time.process_time()
-        result = action()
-        shortest = min(shortest, time.process_time() - start)
-    return float(shortest), result
 
 
 def ours(machine: Machine, shares: Sequence[float], tolerance: float) -> Array:
@@ -110,10 +101,10 @@ def rivals(machine: Machine, shares: Sequence[float]) -> dict[str, tuple[Array, 
     finest = theirs(twin, valves, "RK44", FINEST)
     errors_and_seconds = {}
     for solver, counts in SOLVERS.items():
-        runs = [best_of(partial(theirs, twin, valves, solver, count)) for count in counts]
+        runs = [best_of(partial(theirs, twin, valves, solver, count), TIMES) for count in counts]
         errors_and_seconds[solver] = (
-            np.array([error(q, finest) for _, q in runs]),
-            np.array([seconds for seconds, _ in runs]),
+            np.array([error(run.result, finest) for run in runs]),
+            np.array([run.processor for run in runs]),
         )
         for count, off, seconds in zip(counts, *errors_and_seconds[solver], strict=True):
             print(
@@ -130,7 +121,7 @@ def main() -> None:
         print(f"\n{len(shares)} run{'s' * (len(shares) > 1)} of {DURATION:g} s")
         errors_and_seconds, finest = rivals(machine, shares), ours(machine, shares, 1e-10)
         for tolerance in TOLERANCES:
-            seconds, q = best_of(partial(ours, machine, shares, tolerance))
+            _, seconds, q = best_of(partial(ours, machine, shares, tolerance), TIMES)
             off = error(q, finest)
             times = {
                 solver: float(np.exp(np.interp(-np.log(off), -np.log(errors), np.log(spent))))

@@ -20,8 +20,6 @@ os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import math
 import sys
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +29,7 @@ from armdesign.arrays import Array
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from benchmarks.rivals import Task, adaptation, evolution, programming
+from benchmarks.timing import best_of
 
 MACHINES = (
     "excavator_20t",
@@ -96,22 +95,14 @@ def machine_at(problem: Problem, x: Array) -> ad.Machine:
     return replace(machine, cylinders=tuple(sizes))
 
 
-def timed(action: Callable[[], ad.Design]) -> tuple[float, ad.Design]:
-    """Least processor time [s] of two runs, and the last result."""
-    seconds = math.inf
-    for _ in range(2):
-        start = time.process_time()
-        design = action()
-        seconds = min(seconds, time.process_time() - start)
-    return seconds, design
-
-
 def compared(name: str, vary: tuple[str, ...]) -> None:
     """One machine: a line of the table for every method."""
     machine = ad.load(name)
     workspace = ad.Workspace.grid(machine)
     _ = workspace.rigid
-    seconds, design = timed(lambda: ad.optimize(machine, workspace, vary=vary, catalogue="free"))
+    _, seconds, design = best_of(
+        lambda: ad.optimize(machine, workspace, vary=vary, catalogue="free"), 2
+    )
     problem, today = design.problem, design.problem.dynamics.corners.nominal
     budget, first = RIVALS * seconds, name == MACHINES[0]
     ours = Outcome.of("co-design", problem, design.x, seconds)

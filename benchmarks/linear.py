@@ -11,13 +11,11 @@ import os
 # before numpy starts its threads
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
-import time
-from collections.abc import Callable
-
 import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from benchmarks.maps import MACHINE, poses_of
+from benchmarks.timing import best_of
 from tests.simulation.differences import plant_of, state_and_command_jacobians
 
 POSES, FEW, LIMIT = 1000, 20, 2.0
@@ -31,24 +29,14 @@ def by_differences(machine: ad.Machine, q: Array) -> None:
         state_and_command_jacobians(plant, equilibrium, plant.split(equilibrium / plant.units)[4])
 
 
-def best(action: Callable[[], object]) -> float:
-    """Least time of three [s]."""
-    seconds = []
-    for _ in range(3):
-        start = time.perf_counter()
-        action()
-        seconds.append(time.perf_counter() - start)
-    return min(seconds)
-
-
 def main() -> None:
     """Measure and print everything."""
     machine = ad.load(MACHINE).with_payload("full")
     q = poses_of(machine, 3 * POSES)
     q = q[machine.holds(q)][:POSES]
-    at_rest = best(lambda: ad.linear_models(machine, q))
-    moving = best(lambda: ad.linear_models(machine, q, speed=[0.05, 0.0, 0.0]))
-    differences = best(lambda: by_differences(machine, q[:FEW])) / FEW * POSES
+    at_rest = best_of(lambda: ad.linear_models(machine, q)).wall
+    moving = best_of(lambda: ad.linear_models(machine, q, speed=[0.05, 0.0, 0.0])).wall
+    differences = best_of(lambda: by_differences(machine, q[:FEW])).wall / FEW * POSES
     reached = "ok" if at_rest < LIMIT else "MISSED"
     print(f"{len(q)} poses at rest       {at_rest:7.3f} s   target < {LIMIT:g} s   {reached}")
     print(f"{len(q)} in steady motion    {moving:7.3f} s")

@@ -6,26 +6,14 @@ this process.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 import armdesign as ad
+from benchmarks.timing import best_of
 
 MACHINE = "excavator_20t"
-
-
-def best_of(action: Callable[[], Any], times: int = 3) -> tuple[float, Any]:
-    """Shortest wall time [s] of some runs, and the last result."""
-    shortest = float("inf")
-    for _ in range(times):
-        start = time.perf_counter()
-        result = action()
-        shortest = min(shortest, time.perf_counter() - start)
-    return shortest, result
 
 
 def report(what: str, figure: str, target: str, reached: bool) -> None:
@@ -41,7 +29,7 @@ def main() -> None:
     # imports and first compilations are not part of the figures
     ad.size_cylinders(machine, workspace)
 
-    seconds, design = best_of(lambda: ad.optimize(machine, workspace))
+    seconds, _, design = best_of(lambda: ad.optimize(machine, workspace))
     lowest = min(design.before.frame["f1_hz"])
     gain = design.unrounded / lowest - 1
     report("co-design, gain before rounding", f"{gain:+.1%}", "+35 %", gain >= 0.35)
@@ -51,7 +39,7 @@ def main() -> None:
 
     poses = ad.Workspace.grid(machine, points=(16, 16, 36))
     _ = poses.rigid
-    seconds, _ = best_of(lambda: ad.size_cylinders(machine, poses))
+    seconds = best_of(lambda: ad.size_cylinders(machine, poses)).wall
     report(f"sizing over {len(poses.q)} given poses", f"{seconds:.2f} s", "< 0.5 s", seconds < 0.5)
 
     identified(design)
@@ -62,7 +50,7 @@ def identified(design: ad.Design) -> None:
     for label, frequencies in (("before", design.before), ("after", design.after)):
         worst = frequencies.worst
         case = frequencies.machine.with_payload(worst.payload)
-        seconds, validation = best_of(
+        seconds, _, validation = best_of(
             partial(ad.validate, case, worst.q, cylinders=[worst.cylinder]), 1
         )
         deviation = float(np.abs(validation.frame["deviation"]).max())

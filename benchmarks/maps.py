@@ -17,7 +17,7 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pinocchio
@@ -25,6 +25,7 @@ from threadpoolctl import threadpool_limits
 
 import armdesign as ad
 from armdesign.arrays import Array
+from benchmarks.timing import best_of, in_turn
 
 MACHINE = "excavator_20t"
 POSES, MANY, MOST = 100_000, 1_000_000, 10_000_000
@@ -83,17 +84,6 @@ def chain(joints: int) -> ad.Machine:
     return ad.Machine.from_urdf(urdf, cylinders, name="chain")
 
 
-def best_of(times: int, *actions: Callable[[], object]) -> list[float]:
-    """Shortest processor time [s] of each of some actions, which take turns."""
-    seconds = [np.inf] * len(actions)
-    for _ in range(times):
-        for number, action in enumerate(actions):
-            start = time.process_time()
-            action()
-            seconds[number] = min(seconds[number], time.process_time() - start)
-    return seconds
-
-
 def many(task: str, count: int) -> None:
     """Time and peak memory of many poses, printed: all kept, their map, or part after part."""
     machine = ad.load(MACHINE).with_payload("full")
@@ -117,7 +107,7 @@ def main() -> None:
     """Measure and print everything; memory first, as a process counts its parent's as its own."""
     for task, count in (("modes", MANY), ("map", MANY), ("parts", MANY), ("parts", MOST)):
         run = subprocess.run(
-            [sys.executable, __file__, task, str(count)],
+            [sys.executable, "-m", "benchmarks.maps", task, str(count)],
             check=True,
             capture_output=True,
             text=True,
@@ -137,14 +127,15 @@ def main() -> None:
 
 def cores() -> None:
     """Wall time of the map of a million poses by one thread and by two, printed; turn by turn."""
-    machine, seconds = ad.load(MACHINE).with_payload("full"), {1: np.inf, 2: np.inf}
+    machine = ad.load(MACHINE).with_payload("full")
     workspace = ad.Workspace.grid(machine, points=round(MANY ** (1 / 3)))
-    for threads in (1, 2) * 2:
+
+    def mapped(threads: int) -> None:
         with threadpool_limits(threads):
-            start = time.perf_counter()
             ad.frequency_map(machine, workspace)
-            seconds[threads] = min(seconds[threads], time.perf_counter() - start)
-    gain = seconds[1] / seconds[2]
+
+    one, two = in_turn(partial(mapped, 1), partial(mapped, 2), times=2)
+    gain = one.wall / two.wall
     reached = "ok" if gain >= 1.7 else "MISSED"
     print(f"two threads                  {gain:5.2f}       target ≥ 1.7     {reached}")
 
@@ -164,7 +155,7 @@ def growth() -> None:
 
 def microseconds(machine: ad.Machine, q: Array) -> float:
     """Processor time for each pose [µs] of all arrays and modes."""
-    return best_of(2, lambda: ad.natural_modes(machine.at(q)))[0] / len(q) * 1e6
+    return best_of(lambda: ad.natural_modes(machine.at(q)), 2).processor / len(q) * 1e6
 
 
 def ratio(label: str, machine: ad.Machine) -> None:
@@ -172,9 +163,10 @@ def ratio(label: str, machine: ad.Machine) -> None:
     model = pinocchio.buildModelFromXML(machine.arm.xml)
     q = poses_of(machine, POSES)
     coordinates = machine.arm.with_springs(q)
-    loop, modes = best_of(
-        5, lambda: rigid_loop(model, coordinates), lambda: ad.natural_modes(machine.at(q))
+    both = in_turn(
+        lambda: rigid_loop(model, coordinates), lambda: ad.natural_modes(machine.at(q)), times=5
     )
+    loop, modes = (best.processor for best in both)
     reached = "ok" if modes <= 2 * loop else "MISSED"
     print(
         f"{POSES:,} poses, one payload, {label}: loop over pinocchio {loop:.2f} s,"

@@ -12,10 +12,6 @@ import os
 # before numpy starts its threads
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
-import time
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -26,20 +22,11 @@ from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.simulate import SimulationCase, simulate_all
+from benchmarks.timing import best_of
 
 TOLERANCE, CASES = 1e-6, 40
 FINEST, TRIED = 1e-11, (1e-6, 1e-7, 1e-8, 1e-9)  # tolerances of scipy
 POSE = np.array([1.154, -1.199, -2.191])  # near the worst
-
-
-def best_of(action: Callable[[], Any], times: int = 3) -> float:
-    """Shortest processor time [s]."""
-    shortest = float("inf")
-    for _ in range(times):
-        start = time.process_time()
-        action()
-        shortest = min(shortest, time.process_time() - start)
-    return shortest
 
 
 def sweeps() -> list[SimulationCase]:
@@ -71,9 +58,8 @@ def by_scipy(case: SimulationCase, method: str, tolerance: float) -> tuple[float
     start = find_equilibrium(plant, case.q, case.preloaded).state
     system = ControlledPlant.of([plant], [start], [case.command], [case.hold])
     instants = np.linspace(0.0, case.duration, round(case.duration * case.rate) + 1)
-    states: list[Array] = []
 
-    def run() -> None:
+    def run() -> Array:
         solution = solve_ivp(
             lambda t, y: system.rates(np.array([t]), y[None])[0],
             (0.0, case.duration),
@@ -83,9 +69,10 @@ def by_scipy(case: SimulationCase, method: str, tolerance: float) -> tuple[float
             rtol=tolerance,
             atol=tolerance,
         )
-        states[:] = [solution.y.T]
+        return np.asarray(solution.y.T)
 
-    return best_of(run, 2), states[0]
+    _, seconds, states = best_of(run, 2)
+    return seconds, states
 
 
 def at_equal_error(case: SimulationCase, finest: Array, method: str, off: float) -> float:
@@ -106,14 +93,14 @@ def report(what: str, figure: float, target: str, reached: bool) -> None:
 def main() -> None:
     """Measure and print everything."""
     cases = sweeps()
-    seconds = best_of(lambda: simulate_all(cases[:1], tolerance=TOLERANCE))
+    single_run = best_of(lambda: simulate_all(cases[:1], tolerance=TOLERANCE))
+    seconds, run = single_run.processor, single_run.result[0]
     single = cases[0].duration / seconds
     report("one run, real time", single, "≥ 10, aim 30", single >= 10)
     total = sum(case.duration for case in cases)
-    stacked = total / best_of(lambda: simulate_all(cases, tolerance=TOLERANCE))
+    stacked = total / best_of(lambda: simulate_all(cases, tolerance=TOLERANCE)).processor
     report(f"{CASES} runs stacked, real time", stacked, "≥ 250", stacked >= 250)
     print(f"{'stacked over one by one':<46} {stacked / single:>8.1f} ×")
-    run = simulate_all(cases[:1], tolerance=TOLERANCE)[0]
     finest = by_scipy(cases[0], "DOP853", FINEST)[1][:, : run.q.shape[1]]
     off = float(np.abs(run.q - finest).max())
     for method in ("RK45", "DOP853", "LSODA"):

@@ -6,8 +6,6 @@ this process; beside the wall time stands the processor time, which a busy machi
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,6 +15,7 @@ from armdesign.design.catalogue.branch_and_bound import select
 from armdesign.design.catalogue.separable import allowed_sizes
 from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.units import mm
+from benchmarks.timing import Best, best_of
 from tests.design.catalogue.enumeration import enumerated
 
 MACHINE = "excavator_20t"
@@ -24,15 +23,9 @@ POINTS = (40, 40, 60)  # about 10⁵ poses
 BORES, RODS = (115, 120, 125, 130, 135, 140), (85, 90, 100)  # mm, of the small catalogue
 
 
-def best_of(action: Callable[[], Any], times: int = 3) -> tuple[str, Any]:
-    """Shortest wall and processor time of some runs in words, and the last result."""
-    shortest = [float("inf"), float("inf")]
-    for _ in range(times):
-        start = time.perf_counter(), time.process_time()
-        result = action()
-        took = time.perf_counter() - start[0], time.process_time() - start[1]
-        shortest = [min(pair) for pair in zip(shortest, took, strict=True)]
-    return f"{shortest[0]:.2f} s ({shortest[1]:.2f} s)", result
+def words(best: Best[Any]) -> str:
+    """Wall time, and processor time in parentheses."""
+    return f"{best.wall:.2f} s ({best.processor:.2f} s)"
 
 
 def main() -> None:
@@ -45,7 +38,7 @@ def main() -> None:
 
     many = ad.Workspace.grid(machine, points=POINTS)
     _ = many.rigid
-    took, _ = best_of(lambda: ad.size_cylinders(machine, many))
+    took = words(best_of(lambda: ad.size_cylinders(machine, many)))
     print(f"sizing over {len(many.q)} given poses: {took}; target < 2 s")
 
     enumeration(machine)
@@ -60,24 +53,23 @@ def enumeration(machine: ad.Machine) -> None:
         ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3
     )
     sizes = sizes_of([(bore * mm, rod * mm) for bore in BORES for rod in RODS])
-    took, best_sizes = best_of(
-        lambda: select(allowed_sizes(machine, machine, small, limits, sizes))
-    )
-    slow, wanted = best_of(lambda: enumerated(machine, small, limits, sizes), 1)
+    best = best_of(lambda: select(allowed_sizes(machine, machine, small, limits, sizes)))
+    slow = best_of(lambda: enumerated(machine, small, limits, sizes), 1)
     print(
-        f"{len(sizes)}³ combinations, {len(small.q)} poses: {best_sizes.frequency:.9f} Hz, bound"
-        f" {best_sizes.bound:.9f}, {took}"
+        f"{len(sizes)}³ combinations, {len(small.q)} poses: {best.result.frequency:.9f} Hz, bound"
+        f" {best.result.bound:.9f}, {words(best)}"
     )
-    print(f"  enumeration: {wanted:.9f} Hz, {slow}")
+    print(f"  enumeration: {slow.result:.9f} Hz, {words(slow)}")
 
 
 def catalogues(machine: ad.Machine, workspace: ad.Workspace) -> None:
     """Sizes, and sizes and pins, of the catalogues."""
     for catalogue in ("iso", "5mm"):
         for label, action in (("sizes", ad.size_cylinders), ("sizes and pins", ad.optimize)):
-            took, design = best_of(partial(action, machine, workspace, catalogue=catalogue), 1)
+            best = best_of(partial(action, machine, workspace, catalogue=catalogue), 1)
+            design = best.result
             gain = design.after.frame["f1_hz"].min() / design.before.frame["f1_hz"].min() - 1
-            print(f"{catalogue}, {label}: {gain:+.1%}, {took}")
+            print(f"{catalogue}, {label}: {gain:+.1%}, {words(best)}")
 
 
 def least_amounts(machine: ad.Machine, workspace: ad.Workspace) -> None:
@@ -88,12 +80,10 @@ def least_amounts(machine: ad.Machine, workspace: ad.Workspace) -> None:
         ("flow", "oil_each_share"),
         ("mass", "cylinder_mass"),
     ):
-        took, design = best_of(
-            partial(ad.least, machine, workspace, frequency=today, of=amount), 1
-        )
+        best = best_of(partial(ad.least, machine, workspace, frequency=today, of=amount), 1)
         print(
             f"today's frequency with least {amount}: {name}"
-            f" {getattr(design.requirements, name):.4g}, {took}"
+            f" {getattr(best.result.requirements, name):.4g}, {words(best)}"
         )
 
 
