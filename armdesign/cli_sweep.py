@@ -60,9 +60,13 @@ def sweep(
 
 
 def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with words in place of columns of words and numbers, which Parquet has not."""
-    mixed = [name for name in table if table[name].dropna().map(type).nunique() > 1]
+    """The table with words in place of what a column of Parquet has not.
+
+    That is words beside numbers, lists and tables, and whole numbers beyond 64 bits.
+    """
     table = table.copy()
-    for name in mixed:
-        table[name] = table[name].map(str, na_action="ignore")
+    for name in [name for name in table if table[name].dtype == object]:
+        kinds = set(table[name].dropna().map(type))
+        if len(kinds) > 1 or not kinds <= {str, bool, float}:
+            table[name] = [value if value is None else str(value) for value in table[name]]
     return table

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 # surrogate pairs
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
+DIGITS, READ = re.compile("[0-9,]+"), 60  # of a whole number, of which nobody reads more
 LONGEST = 4_000  # characters of a part, fault or remedy: names in files may have any length
 MOST_NAMES, SHOWN_NAMES = 200, 60  # among which a name is looked for; that a remedy lists
 
@@ -24,8 +25,12 @@ def printable(text: str) -> str:
 
 
 def _line(text: str) -> str:
-    line = " ".join(printable(text).split())
+    line = DIGITS.sub(_short, " ".join(printable(text).split()))
     return line if len(line) <= LONGEST else f"{line[:LONGEST]}…"
+
+
+def _short(number: re.Match[str]) -> str:
+    return number[0] if len(number[0]) <= READ else f"{number[0][:READ]}…"
 
 
 class ArmDesignError(Exception):

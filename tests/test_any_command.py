@@ -32,8 +32,23 @@ GOOD_NAMES = ("arm", "boom_2", "loader")
 NAMES = (*GOOD_NAMES, "a_b", "-x", "", "a b", "CON", "../up", "=1+1", "ä", "x" * 300, "arm.toml")
 FOLDERS = ("one", "two words", "deep/er", "ü", "=1", "taken", "", "taken/in", "\0")
 POINTS = ("2", "3", "3,4", "1", "-3", "x", "3,3,3,3", "nan", "99999999", ",", "3,", "1e9", "٣")
+HUGE = "9" * 400, "9" * 5000  # no float; and more digits than Python reads
 SHARES = ("0", "-1", "1e300", "-1e-300", "nan", "inf", "1", "0.5", "10", "1234.5", "٣", "1_0")
-WORDS = (*SHARES, "true", "", '"x"', "[1, 2]", "[]", "{}", "left", "[", "\x1b[31m", "x" * 2000)
+WORDS = (
+    *SHARES,
+    *HUGE,
+    "1\nx = 2",
+    "true",
+    "",
+    '"x"',
+    "[1, 2]",
+    "[]",
+    "{}",
+    "left",
+    "[",
+    "\x1b[31m",
+    "x" * 2000,
+)
 PATHS = (
     *("fluid.bulk_modulus_MPa", "fluid.entrained_air_percent", "supply.pressure_bar"),
     *("payload.full.mass_kg", "cylinder.boom.bore_mm", "cylinder.boom.rod_mm", "payload"),
@@ -53,7 +68,7 @@ OPTIONS = {  # of each command, beside what all have
     "sensitivity": ("points", "set", "out"),
 }
 VALUES = {
-    "points": POINTS,
+    "points": (*POINTS, *HUGE),
     "units": ("si", "workshop", "inch", ""),
     "out": FOLDERS,
     "pose": POSES,

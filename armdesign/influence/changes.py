@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -33,9 +34,10 @@ def read_changes(words: Sequence[str], part: str = "what-if") -> dict[str, Any]:
         if path in changes:
             raise ArmDesignError(f"{part} {path}", "is there twice", "leave one out")
         try:
-            changes[path] = tomllib.loads(f"value = {value}")["value"]
-        except tomllib.TOMLDecodeError:
-            changes[path] = value
+            lines = tomllib.loads(f"value = {value}")
+        except (ValueError, RecursionError):  # no TOML, or a whole number of 5000 digits
+            lines = {}
+        changes[path] = lines["value"] if len(lines) == 1 else value
     return changes
 
 
@@ -118,7 +120,9 @@ def _as_before(before: Any, value: Any) -> Any:
     whole = isinstance(value, int) and not isinstance(value, bool)
     if isinstance(value, list):
         return [_as_before(0.0, item) for item in value]
-    return float(value) if whole and not isinstance(before, int) else value
+    if not whole or isinstance(before, int) or abs(value) > sys.float_info.max:
+        return value
+    return float(value)
 
 
 def numeric_changes(machine: Machine, other: Machine) -> dict[Location, tuple[float, float]]:

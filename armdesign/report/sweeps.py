@@ -26,7 +26,8 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
     failed = int((frame["error"] != "").sum())
     if failed:
         cases = "1 case" if failed == 1 else f"{failed} cases"
-        notes.append(f"{cases} failed; sweep.csv says why.")
+        first = frame["error"][frame["error"] != ""].iloc[0]
+        notes.append(f"{cases} failed; sweep.csv says why. The first: {first}")
     return Sheet(
         title="Sweep",
         columns=("case", *(name.rpartition(".")[2] for name in shown)),
@@ -37,9 +38,9 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
 
 def _idle(column: pd.Series[Any]) -> bool:
     """Whether a column tells the cases not apart."""
-    known = column.dropna()
-    constant = len(column) > 1 and len(known) > 0 and known.nunique() == 1
-    return column.name in ("seconds", "error") or constant or bool((known.astype(str) == "").all())
+    words = column.dropna().astype(str)  # values may be lists
+    constant = len(column) > 1 and words.nunique() == 1
+    return column.name in ("seconds", "error") or constant or bool((words == "").all())
 
 
 def _cell(value: Any) -> str:

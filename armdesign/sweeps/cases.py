@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from armdesign.errors import ArmDesignError
 
 Changes = Mapping[str, Any]
 MOST = 1_000_000  # cases of one sweep
+LARGEST = 1e300  # of a range, so that its width is a number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,9 +86,8 @@ def sobol_changes(
     refuse_unless_seed(seed)
     _refuse_many(count)
     for path, ends in ranges.items():
-        numbers = [x for x in ends if isinstance(x, int | float) and math.isfinite(x)]
-        if len(numbers) != 2 or len(ends) != 2 or not numbers[0] < numbers[1]:
-            fault = f"{list(ends)} is no range"
+        if not _is_range(ends):
+            fault = f"{ends!r} is no range"
             raise ArmDesignError(path, fault, "give two numbers, the lower one first")
     low, high = np.array(list(ranges.values()), float).reshape(-1, 2).T
     if not low.size:
@@ -94,6 +95,13 @@ def sobol_changes(
     sequence = qmc.Sobol(low.size, rng=np.random.default_rng(seed))
     points = sequence.random_base2(math.ceil(math.log2(count)))[:count]
     return [dict(zip(ranges, row, strict=True)) for row in (low + points * (high - low)).tolist()]
+
+
+def _is_range(ends: Any) -> bool:
+    row = list(ends) if isinstance(ends, Iterable) else []
+    if len(row) != 2 or any(isinstance(x, bool) or not isinstance(x, Real) for x in row):
+        return False
+    return bool(-LARGEST < row[0] < row[1] < LARGEST)
 
 
 def csv_changes(path: str | Path) -> list[Changes]:

@@ -9,7 +9,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from armdesign.arguments import checked, with_options
+from armdesign.arguments import checked, refuse_unless, with_options
 from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished
@@ -122,6 +122,7 @@ def sweep(
     """
     if (workers := more["workers"]) < 1:
         raise ArmDesignError("workers", f"{workers} is not allowed", "give a whole number ≥ 1")
+    refuse_unless("outputs", more["outputs"], "Sequence[str] | None")  # are used at the end
     chosen = _changes(changes, more)
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
@@ -355,7 +356,7 @@ def _cases(
             for changes, options in product(chosen, sets):
                 try:
                     key = digest([identity, payload, dict(changes), dict(options)])
-                except TypeError as error:
+                except (TypeError, ValueError) as error:  # or a number of 5000 digits
                     fault = f"cannot be written down ({error})"
                     remedy = "give numbers and texts"
                     raise ArmDesignError("changes or options", fault, remedy) from None

@@ -170,6 +170,8 @@ def test_changes_are_read_as_toml() -> None:
     words = ["a.b=1", "c = 2.5", "d=[1, 2]", "e=left", 'f="left"', "g=true"]
     expected = {"a.b": 1, "c": 2.5, "d": [1, 2], "e": "left", "f": "left", "g": True}
     assert read_changes(words) == expected
+    others = ["9" * 5000, "[" * 5000, "1\nb = 2"]  # no values of TOML, or more than one
+    assert [*read_changes([f"a{k}={word}" for k, word in enumerate(others)]).values()] == others
 
 
 BAD = [
@@ -177,6 +179,7 @@ BAD = [
     (["cylinder.boom.bora_mm=125"], 'did you mean "cylinder.boom.bore_mm"?'),
     (["payload.fully.mass_kg=1"], 'did you mean "payload.full.mass_kg"?'),
     (["cylinder.boom.bore_mm"], "is not understood; give KEY=VALUE"),
+    (["cylinder.boom.bore_mm=" + "9" * 400], "999… is not allowed; give a number"),
     (["cylinder.boom.bore_mm=1", "cylinder.boom.bore_mm=2"], "is there twice"),
     (["fluid.entrained_air_percent=-1"], "give a number in [0, 50) %"),
     (["cylinder.boom.bore_mm=x"], 'bore_mm: "x" is not allowed'),

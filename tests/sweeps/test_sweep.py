@@ -298,6 +298,11 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": {"fluid.bulk_modulus_MPa": 5}}, "no list of values"),
         ({"changes": [5]}, "is no case"),
         ({"changes": {"a": (2, 1)}, "sobol": 4}, "no range"),
+        ({"changes": {"a": 5}, "sobol": 4}, "no range"),
+        ({"changes": {"a": (False, True)}, "sobol": 4}, "no range"),
+        ({"changes": {"a": (0, 10**400)}, "sobol": 4}, "no range"),
+        ({"changes": {"a": (-1.7e308, 1.7e308)}, "sobol": 4}, "no range"),  # of no width
+        ({"changes": [{"a": 10**5000}]}, "cannot be written down"),
         ({"sobol": 4}, "has no ranges"),
         ({"payloads": ["nothing"]}, "nothing"),
         ({"options": {"start": 1}}, "no option of the task"),
