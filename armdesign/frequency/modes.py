@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 Numbers = TypeVar("Numbers", float, Array)
 
+LEAST_MASS = 1e-200  # [kg or kg m²]: on less, ω² may be no number
 PARALLEL = 1e-9  # rows of R this near to one direction, relative, are parallel
 
 
@@ -151,7 +152,7 @@ def inverse_cholesky(mass: Array) -> Array:
     unit = np.broadcast_to(np.eye(k)[..., None], (k, k, len(mass)))
     rows = np.concatenate([components_first(mass), unit], axis=1)  # [M 1] → [Lᵀ L⁻¹] by rows
     for j in range(k):
-        if not (rows[j, j] > 0).all():
+        if not (rows[j, j] > LEAST_MASS).all():
             fault = "is not positive definite: a joint moves no mass, or hardly any beside another"
             remedy = "give its links inertia, or a load of their order"
             raise PoseError("mass matrix", fault, remedy)

@@ -308,7 +308,9 @@ def test_in_the_frame_of_modes_the_inertia_is_one(k: int) -> None:
     assert_allclose(inverse @ mass @ np.swapaxes(inverse, 1, 2), one, atol=2e-5)
 
 
-@pytest.mark.parametrize("mass", [[[1.0, 1.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, -1.0]], [[0.0]]])
+@pytest.mark.parametrize(
+    "mass", [[[1.0, 1.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, -1.0]], [[0.0]], [[1e-320]]]
+)
 def test_one_pose_without_inertia_is_refused(mass: list[list[float]]) -> None:
     one = np.array(mass)
     with pytest.raises(PoseError, match="not positive definite"):
