@@ -12,6 +12,7 @@ import inspect
 import numbers
 import os
 import reprlib
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeVar
 
@@ -50,6 +51,7 @@ MADE_BY = {  # classes of the package, which are known by their names
     "Measured": "",
     "Recording": "",
 }
+MOST_WORKERS = 256  # processes: more keep a computer busy without an answer
 LISTS = (list, tuple, str, dict)  # whose items may be looked at without using them up
 
 
@@ -191,7 +193,8 @@ def _fits(value: Any, kind: ast.expr) -> bool:
         case ast.Constant(value=None):
             return value is None
         case ast.Name(id=name) if name in TYPES:
-            return isinstance(value, TYPES[name][0])
+            huge = isinstance(value, int) and abs(value) > sys.float_info.max  # is no float
+            return isinstance(value, TYPES[name][0]) and not (huge and name == "float")
         case ast.Name(id=name) | ast.Attribute(attr=name) if name in MADE_BY:
             return any(of.__name__ == name for of in type(value).__mro__)
         case ast.Subscript(value=of, slice=ast.Tuple(elts=[key, item])) if isinstance(value, dict):

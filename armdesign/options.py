@@ -10,9 +10,10 @@ from typing import Annotated
 
 import typer
 
+from armdesign.arguments import MOST_WORKERS
 from armdesign.units import SI, WORKSHOP, Units
 
-MOST_STARTS, MOST_WORKERS = 10_000, 256  # more keep a computer busy without an answer
+MOST_STARTS = 10_000  # more keep a computer busy without an answer
 
 
 class Habit(StrEnum):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
@@ -16,6 +17,7 @@ from tests import machines
 
 ONE = machines.named("paper_1dof")
 HERE = [0.0]
+HUGE = 10**400
 TIME = np.arange(0.0, 10.0, 0.01)
 GOOD = {  # what a function cannot do without, by name
     "machine": ONE,
@@ -79,6 +81,23 @@ def test_the_line_says_what_to_give(door: str) -> None:
         'machine: 5 is not allowed; give a Machine (as ad.load("excavator_20t")) or a text or a'
         ' path or a list, each a Machine (as ad.load("excavator_20t")) or a text or a path',
     )
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: ONE.with_payload(HUGE),
+        lambda: ONE.at([[HUGE]]),
+        lambda: ad.Bands(structure=(0.0, HUGE)),
+        lambda: ad.bandwidth_map(ONE, GOOD["workspace"], damping=HUGE),
+        lambda: ad.pareto(ONE, GOOD["workspace"], values=[HUGE]),
+        lambda: ad.sweep(ONE, points=3, workers=HUGE),
+    ],
+)
+def test_a_whole_number_that_is_no_float_is_refused(call: Callable[[], object]) -> None:
+    with pytest.raises(ad.ArmDesignError, match="is not a") as refused:
+        call()
+    assert len(str(refused.value)) < 200
 
 
 def test_numbers_of_all_libraries_are_numbers() -> None:

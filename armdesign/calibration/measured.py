@@ -58,6 +58,7 @@ UNUSED = (
     "remark",
 )
 KNOWN = ("payload", "frequency_hz", "deviation_hz", "mode", "pressure_deviation_bar")
+SMALLEST, LARGEST = 1e-9, 1e6  # numbers that are measured, in their units
 ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")  # of an actuator's columns
 
 Rows = Sequence[Mapping[str, Any]]
@@ -132,9 +133,9 @@ class _MeasuredRows:
         actuators = [actuator.name for actuator in self.machine.actuators]
         sides = [[self._numbers(f"{a}_{side}_bar") for side in SIDES] for a in actuators]
         pressures: Array = np.moveaxis(np.array(sides), -1, 0)  # (n, nc, 2)
-        frequencies = self._numbers("frequency_hz", above=0.0)
-        deviations = self._numbers("deviation_hz", above=0.0)
-        loads = self._numbers("pressure_deviation_bar", above=0.0)
+        frequencies = self._numbers("frequency_hz", positive=True)
+        deviations = self._numbers("deviation_hz", positive=True)
+        loads = self._numbers("pressure_deviation_bar", positive=True)
         joints, lengths = self._poses()
         self._refuse_empty(frequencies, pressures, loads)
         pressures[np.isnan(pressures).any(axis=2)] = np.nan
@@ -176,24 +177,25 @@ class _MeasuredRows:
                 lengths[:, column.lengths[given[0]]] = values * mm
         return joints, lengths
 
-    def _numbers(self, column: str, above: float = -math.inf, blank: bool = True) -> Array:
+    def _numbers(self, column: str, positive: bool = False, blank: bool = True) -> Array:
         """A column (n,), NaN where it is blank or missing."""
         return np.array(
-            [self._number(row, n, column, above, blank) for n, row in enumerate(self.rows, 1)]
+            [self._number(row, n, column, positive, blank) for n, row in enumerate(self.rows, 1)]
         )
 
     def _number(
-        self, row: Mapping[str, Any], n: int, column: str, above: float, blank: bool
+        self, row: Mapping[str, Any], n: int, column: str, positive: bool, blank: bool
     ) -> float:
         value, part = row.get(column), f"{self.source}: row {n}, {column}"
         if blank and (value is None or str(value).strip() in ("", "nan")):
             return math.nan
         try:
             number = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             number = math.nan
-        if not (math.isfinite(number) and number > above):
-            remedy = "give a number" + (f" above {above:g}" if math.isfinite(above) else "")
+        least = SMALLEST if positive else -LARGEST
+        if not least <= number <= LARGEST:
+            remedy = f"give a number in [{least:g}, {LARGEST:g}]"
             raise ArmDesignError(part, f"{value!r:.40} is not allowed", remedy)
         return number
 

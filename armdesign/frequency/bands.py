@@ -93,7 +93,7 @@ class Bands:
             numbers = (
                 isinstance(band, Sequence | np.ndarray)
                 and len(band) == 2
-                and all(isinstance(x, int | float | np.number) and math.isfinite(x) for x in band)
+                and all(isinstance(x, int | float | np.number) for x in band)
             )
             if not (numbers and least <= band[0] <= band[1] <= most):
                 remedy = f"give (lower, upper) within [{least:g}, {most:g}]"

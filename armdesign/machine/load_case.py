@@ -103,10 +103,14 @@ def case_of_mass(mass: float, cases: Iterable[LoadCase], machine: str) -> LoadCa
     if isinstance(mass, bool) or not isinstance(mass, int | float | np.number):
         fault = f"type {type(mass).__name__} is not allowed"
         raise ArmDesignError(part, fault, "give a name or a mass [kg]")
-    if not (math.isfinite(mass) and mass >= 0):
+    try:
+        mass = float(mass)
+    except OverflowError:  # a whole number of hundreds of digits
+        mass = math.inf
+    if not 0 <= mass < math.inf:
         raise ArmDesignError(part, f"{mass:g} kg is not allowed", "give a mass in [0, ∞) kg")
     placed = next((case for case in (first, *others) if case.link is not None), None)
     if placed is None and mass > 0:
         fault = "no load case says where a mass sits"
         raise ArmDesignError(part, fault, "add link and at_mm to one")
-    return dataclasses.replace(placed or first, name=f"{mass:g} kg", mass=float(mass))
+    return dataclasses.replace(placed or first, name=f"{mass:g} kg", mass=mass)

@@ -242,7 +242,7 @@ def joint_positions(machine: Machine, q: ArrayLike) -> Array:
         if np.iscomplexobj(q):
             raise TypeError
         array = np.array(q, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise PoseError(part, "is not an array of numbers", f"give shape (n, {nq})") from None
     array = array[None] if array.ndim == 1 else array
     if array.ndim != 2 or array.shape[1] != nq:

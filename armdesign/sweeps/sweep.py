@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import product
+from numbers import Integral
+from operator import index
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from armdesign.arguments import checked, refuse_unless, with_options
+from armdesign.arguments import MOST_WORKERS, checked, refuse_unless, with_options
 from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished
@@ -120,8 +122,9 @@ def sweep(
                           100     10.54
                           200      7.45
     """
-    if (workers := more["workers"]) < 1:
-        raise ArmDesignError("workers", f"{workers} is not allowed", "give a whole number ≥ 1")
+    if not 1 <= (workers := more["workers"]) <= MOST_WORKERS:
+        remedy = f"give a whole number from 1 to {MOST_WORKERS}"
+        raise ArmDesignError("workers", f"{workers} is not allowed", remedy)
     refuse_unless("outputs", more["outputs"], "Sequence[str] | None")  # are used at the end
     chosen = _changes(changes, more)
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
@@ -283,8 +286,9 @@ def _study(
     points: Any,
 ) -> Study:
     """Data that all cases share, with their digest as name."""
-    if not isinstance(points, int | None):
-        points = [int(count) for count in points]
+    if points is not None:
+        one = isinstance(points, Integral)
+        points = index(points) if one else [index(count) for count in points]
     poses = [] if workspace is None else [workspace.q.tolist(), workspace.weights.tolist()]
     if workspace is not None:
         poses += [[axis.tolist() for axis in workspace.axes], workspace.end_margin, workspace.kind]

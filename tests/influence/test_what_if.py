@@ -180,6 +180,7 @@ BAD = [
     (["payload.fully.mass_kg=1"], 'did you mean "payload.full.mass_kg"?'),
     (["cylinder.boom.bore_mm"], "is not understood; give KEY=VALUE"),
     (["cylinder.boom.bore_mm=" + "9" * 400], "999… is not allowed; give a number"),
+    (["fluid.bulk_modulus_MPa=1e-320"], "1e-320 is not allowed; give 1e-100 or more"),
     (["cylinder.boom.bore_mm=1", "cylinder.boom.bore_mm=2"], "is there twice"),
     (["fluid.entrained_air_percent=-1"], "give a number in [0, 50) %"),
     (["cylinder.boom.bore_mm=x"], 'bore_mm: "x" is not allowed'),

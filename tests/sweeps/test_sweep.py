@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -97,7 +98,8 @@ def test_a_case_that_kills_its_worker_is_tried_again_by_name(tmp_path: Path) -> 
 
 def test_a_machine_may_be_given_by_its_path() -> None:
     source = ad.load("paper_1dof").source
-    frames = [ad.sweep(one, points=3).frame for one in (source, str(source), [source])]
+    three = np.int64(3)  # as scripts may have it
+    frames = [ad.sweep(one, points=three).frame for one in (source, str(source), [source])]
     for frame in frames:
         assert frame["worst_hz"].tolist() == frames[0]["worst_hz"].tolist()
 
@@ -310,6 +312,7 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"options": [5]}, "is no set"),
         ({"task": scaled, "options": [{"factor": object()}]}, "cannot be written down"),
         ({"workers": 0}, "whole number"),
+        ({"points": 3.5}, "points: 3.5 is not allowed"),
         ({"changes": {"a": (1, 2)}, "sobol": 4, "seed": -1}, "seed: -1 is not allowed"),
         ({"points": 3, "outputs": ["worst_hz", "worst"]}, "no case has 'worst'"),
         ({"machine": ["paper_1dof", "paper_1dof"]}, "one name"),

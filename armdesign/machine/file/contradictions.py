@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from armdesign.errors import ArmDesignError, MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
@@ -22,7 +23,7 @@ from armdesign.machine.file.schema import (
     SupplySection,
     ValveSection,
 )
-from armdesign.machine.file.section import DEVICE, Section
+from armdesign.machine.file.section import DEVICE, Section, plain
 from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
@@ -30,6 +31,7 @@ from armdesign.mechanism.linkage.kinds import KINDS
 RESERVED_NAMES = {"payload", "cylinder", "mode", "linear_hz", "identified_hz", "deviation"}
 RESERVED_NAMES |= {"reach_m", "height_m", "capacity_kg", "hydraulic_kg", "tipping_kg", "limiting"}
 RESERVED_NAMES |= {f"tool_{axis}_m" for axis in "xyz"}
+TINY = 1e-100  # numbers above zero, whose squares are above it too
 Fault = tuple[str, str, str]  # key path, words, remedy
 
 
@@ -40,6 +42,7 @@ def contradictions(machine: MachineSection, source: str) -> Iterator[MachineFile
 
 
 def _faults(machine: MachineSection) -> Iterator[Fault]:
+    yield from _of_tiny(plain(machine), "")
     yield from _of_names(machine)
     yield from link_faults(machine)
     yield from _of_supply(machine.supply)
@@ -59,6 +62,15 @@ def _faults(machine: MachineSection) -> Iterator[Fault]:
     yield from _of_bands(machine)
     yield from _of_tolerances(machine)
     yield from _of_requirements(machine)
+
+
+def _of_tiny(node: Any, path: str) -> Iterator[Fault]:
+    """Numbers that no machine has, and by which nothing can be divided."""
+    if isinstance(node, dict | list):
+        for key, item in node.items() if isinstance(node, dict) else enumerate(node):
+            yield from _of_tiny(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(node, float) and 0 < abs(node) < TINY:
+        yield path, f"{node:g} is not allowed", f"give {TINY:g} or more, or 0 where that may be"
 
 
 def _of_names(machine: MachineSection) -> Iterator[Fault]:
