@@ -70,7 +70,7 @@ def _of_tiny(node: Any, path: str) -> Iterator[Fault]:
         for key, item in node.items() if isinstance(node, dict) else enumerate(node):
             yield from _of_tiny(item, f"{path}.{key}" if path else str(key))
     elif isinstance(node, float) and 0 < abs(node) < TINY:
-        yield path, f"{node:g} is not allowed", f"give {TINY:g} or more, or 0 where that may be"
+        yield path, f"{node!r} is not allowed", f"give {TINY:g} or more, or 0 where that may be"
 
 
 def _of_names(machine: MachineSection) -> Iterator[Fault]:
