@@ -15,7 +15,10 @@ WIDEST = 6  # columns
 
 def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
     """The first cases of a sweep's frame; ``kept`` is how many the journal had already."""
-    names = [str(name) for name in frame.columns if not _idle(frame[name])]
+    failed = frame["error"] != ""
+    told = [str(name) for name in frame if not _idle(frame[name])]
+    common = {name: _common(frame[name], failed) for name in told}
+    names = [name for name in told if common[name] is None]
     shown = names[:WIDEST]
     rows = frame[shown].head(MOST).to_dict("split")["data"]
     notes = [f"{len(frame)} cases, {kept} of them from the journal."] if kept else []
@@ -23,24 +26,39 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
         notes.append(f"{len(frame) - MOST} further cases are in sweep.csv.")
     if len(names) > len(shown):
         notes.append(f"Further columns are in sweep.csv: {', '.join(names[WIDEST:])}.")
-    failed = int((frame["error"] != "").sum())
-    if failed:
-        cases = "1 case" if failed == 1 else f"{failed} cases"
-        first = frame["error"][frame["error"] != ""].iloc[0]
+    if alike := [f"{_last(n)} {_cell(common[n])}" for n in told if common[n] is not None]:
+        which = "all that did not fail" if failed.any() else "all"
+        notes.append(f"The same in {which}: {', '.join(alike)}.")
+    if count := int(failed.sum()):
+        cases = "1 case" if count == 1 else f"{count} cases"
+        first = frame["error"][failed].iloc[0]
         notes.append(f"{cases} failed; sweep.csv says why. The first: {first}")
     return Sheet(
         title="Sweep",
-        columns=("case", *(name.rpartition(".")[2] for name in shown)),
+        columns=("case", *map(_last, shown)),
         rows=tuple((str(n), *(_cell(value) for value in row)) for n, row in enumerate(rows, 1)),
         note=" ".join(notes),
     )
 
 
 def _idle(column: pd.Series[Any]) -> bool:
-    """Whether a column tells the cases not apart."""
-    words = column.dropna().astype(str)  # values may be lists
-    constant = len(column) > 1 and words.nunique() == 1
-    return column.name in ("seconds", "error") or constant or bool((words == "").all())
+    """Whether a column says nothing of the cases."""
+    empty = column.isna() | (column.astype(str) == "")
+    return column.name in ("seconds", "error") or bool(empty.all())
+
+
+def _common(column: pd.Series[Any], failed: pd.Series[bool]) -> Any:
+    """The value that several cases have in common; None if they differ or only one has it.
+
+    One that failed may lack it.
+    """
+    values = column[~(column.isna() & failed)]
+    alike = len(values) > 1 and values.astype(str).nunique(dropna=False) == 1  # lists, too
+    return values.iloc[0] if alike else None
+
+
+def _last(name: str) -> str:
+    return name.rpartition(".")[2]
 
 
 def _cell(value: Any) -> str:
