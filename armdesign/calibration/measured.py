@@ -58,7 +58,7 @@ UNUSED = (
     "remark",
 )
 KNOWN = ("payload", "frequency_hz", "deviation_hz", "mode", "pressure_deviation_bar")
-SMALLEST, LARGEST = 1e-9, 1e6  # numbers that are measured, in their units
+SMALLEST, LARGEST = 1e-100, 1e6  # numbers that are measured, in their units
 ENDS = ("length_mm", "cap_bar", "annulus_bar", "chambers")  # of an actuator's columns
 
 Rows = Sequence[Mapping[str, Any]]
