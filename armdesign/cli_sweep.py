@@ -65,8 +65,8 @@ def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
     That is words beside numbers, lists and tables, and whole numbers beyond 64 bits.
     """
     table = table.copy()
-    for name in [name for name in table if table[name].dtype == object]:
-        kinds = set(table[name].dropna().map(type))
+    for name in table:
+        kinds = set(table[name].dropna().map(type)) if table[name].dtype == object else set()
         if len(kinds) > 1 or not kinds <= {str, bool, float}:
             table[name] = [value if value is None else str(value) for value in table[name]]
     return table

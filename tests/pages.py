@@ -13,19 +13,17 @@ import contextlib
 import io
 import re
 import shlex
-import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
 import tomlkit
 from sybil import Document, Example, Sybil
 from sybil.parsers.myst import CodeBlockParser
 
-from armdesign import cli
 from armdesign.machine.file.schema import MachineSection
+from tests.commands import spoken
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -64,18 +62,8 @@ def run_console(example: Example) -> None:
 def answer(words: list[str]) -> str:
     """What a command of armdesign says on both streams."""
     assert words[0] == "armdesign", words
-    said, before = io.StringIO(), sys.argv
-    sys.argv = words
-    try:
-        with (
-            contextlib.redirect_stdout(said),
-            contextlib.redirect_stderr(said),
-            pytest.raises(SystemExit) as end,
-        ):
-            cli.main()
-    finally:
-        sys.argv = before
-    assert end.value.code in (0, None, 2), said.getvalue()
+    said = io.StringIO()
+    assert spoken(words[1:], said, said) in (0, 2), said.getvalue()
     return said.getvalue()
 
 

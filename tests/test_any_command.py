@@ -5,13 +5,11 @@ Ten minutes of it by the command in CONTRIBUTING.md.
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import os
 import re
 import shutil
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,8 +22,8 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, multi
 from PIL import Image
 
 import armdesign as ad
-from armdesign import cli
 from tests.checks import no_longer_than
+from tests.commands import spoken
 
 SECONDS = 60  # of processor time, enough for each of these
 GOOD_NAMES = ("arm", "boom_2", "loader")
@@ -35,19 +33,8 @@ POINTS = ("2", "3", "3,4", "1", "-3", "x", "3,3,3,3", "nan", "99999999", ",", "3
 HUGE = "9" * 400, "9" * 5000  # no float; and more digits than Python reads
 SHARES = ("0", "-1", "1e300", "-1e-300", "nan", "inf", "1", "0.5", "10", "1234.5", "٣", "1_0")
 WORDS = (
-    *SHARES,
-    *HUGE,
-    "1\nx = 2",
-    "true",
-    "",
-    '"x"',
-    "[1, 2]",
-    "[]",
-    "{}",
-    "left",
-    "[",
-    "\x1b[31m",
-    "x" * 2000,
+    *(*SHARES, *HUGE, "1\nx = 2", "true", "", '"x"', "[1, 2]", "[]", "{}", "left", "["),
+    *("\x1b[31m", "x" * 2000),
 )
 PATHS = (
     *("fluid.bulk_modulus_MPa", "fluid.entrained_air_percent", "supply.pressure_bar"),
@@ -139,16 +126,8 @@ class CommandLines(RuleBasedStateMachine):
     def answer(self, words: Sequence[str]) -> bool:
         """Runs a command; whether it was answered. What holds of either is asserted."""
         before, out, err = contents(self.folder), io.StringIO(), io.StringIO()
-        argv, sys.argv = sys.argv, ["armdesign", *words]
-        try:
-            streams = contextlib.redirect_stdout(out), contextlib.redirect_stderr(err)
-            with no_longer_than(SECONDS), streams[0], streams[1]:
-                cli.main()
-            raise AssertionError("no exit")
-        except SystemExit as end:
-            code = int(end.code or 0)
-        finally:
-            sys.argv = argv
+        with no_longer_than(SECONDS):
+            code = spoken(words, out, err)
         lines = err.getvalue().splitlines()
         assert code in (0, 2), (words, code)
         assert all(line.startswith("armdesign: ") for line in lines), (words, lines)

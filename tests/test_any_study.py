@@ -5,11 +5,9 @@ Ten minutes of it by the command in CONTRIBUTING.md.
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 import re
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -21,8 +19,8 @@ import tomlkit
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from armdesign import cli
 from tests.checks import no_longer_than
+from tests.commands import spoken
 
 SECONDS = 60  # of processor time
 PATHS = (
@@ -73,20 +71,10 @@ def answered(study: dict[str, Any], folder: Path) -> tuple[int, str, str]:
     """Exit code, output and errors of a study, which has two files at most."""
     path, out, err = folder / "study.toml", io.StringIO(), io.StringIO()
     path.write_text(tomlkit.dumps(study), encoding="utf-8")
-    argv = sys.argv
-    sys.argv = ["armdesign", "sweep", str(path), "--out", str(folder / "out"), "--json"]
-    sys.argv += ["--workers", "1"]
-    try:
-        with (
-            no_longer_than(SECONDS),
-            contextlib.redirect_stdout(out),
-            contextlib.redirect_stderr(err),
-            pytest.raises(SystemExit) as end,
-        ):
-            cli.main()
-    finally:
-        sys.argv = argv
-    return int(end.value.code or 0), out.getvalue(), err.getvalue()
+    words = ["sweep", str(path), "--out", str(folder / "out"), "--json", "--workers", "1"]
+    with no_longer_than(SECONDS):
+        code = spoken(words, out, err)
+    return code, out.getvalue(), err.getvalue()
 
 
 def judge(study: dict[str, Any]) -> None:

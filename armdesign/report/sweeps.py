@@ -43,7 +43,7 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
 
 def _idle(column: pd.Series[Any]) -> bool:
     """Whether a column says nothing of the cases."""
-    empty = column.isna() | (column.astype(str) == "")
+    empty = column.isna() | (column == "")
     return column.name in ("seconds", "error") or bool(empty.all())
 
 
