@@ -6,6 +6,7 @@ import importlib.util
 from functools import partial
 from typing import TYPE_CHECKING
 
+from armdesign.errors import ArmDesignError
 from armdesign.options import FreshOption, ProcessesOption, SchedulerOption, StudyArgument
 from armdesign.output import command_line, kept
 from armdesign.runs import OfMachines, command, processors
@@ -29,7 +30,8 @@ def sweep(
     STUDY.toml names machines, what changes in them (grid, sobol, case, csv), load cases,
     requirements, the task (map, design, validate, control or simulate) and which of its outputs
     the table has. Every finished case stays in sweep.sqlite: interrupted, the same command goes on
-    where it was. Writes sweep.csv, and sweep.parquet where pyarrow is installed.
+    where it was. Writes sweep.csv, and sweep.parquet where pyarrow is installed. Exit code 2 where
+    no case has an answer.
     """
     from armdesign.report.sweeps import sweep_sheet
     from armdesign.sweeps.study_file import read_study
@@ -57,6 +59,9 @@ def sweep(
         raise
     again = [f"A worker died; done again: {name}." for name in answers.retried]
     run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})
+    if (table["error"] != "").all():
+        fault = "no case has an answer"
+        run.refuse([ArmDesignError(str(study), fault, "see the column error of sweep.csv")])
 
 
 def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:

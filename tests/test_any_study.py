@@ -86,8 +86,11 @@ def judge(study: dict[str, Any]) -> None:
             assert err.startswith("armdesign: "), err
             assert err.count("\n") == 1, err
             assert err.rstrip("\n").isprintable(), err
+        else:
+            assert err == "", err
+        if not (folder / "out" / "sweep.csv").exists():
+            assert code, study
             return
-        assert err == "", err
         table = pd.read_csv(folder / "out" / "sweep.csv")
         assert len(table) == len(json.loads(out)["tables"]["sweep"])
         assert len(table) == len(pd.read_parquet(folder / "out" / "sweep.parquet"))

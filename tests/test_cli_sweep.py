@@ -63,6 +63,19 @@ def test_a_column_of_words_and_numbers_is_words_in_parquet(
     assert [error == "" for error in frame["error"]] == [True, False]
 
 
+def test_a_study_without_an_answer_ends_with_code_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its files are there all the same, and its table tells the first fault."""
+    study = written(tmp_path, f"{STUDY.partition('[')[0]}[grid]\nfluid.bulk_modulus_MPa = [-1, 0]")
+    words = ["sweep", study, "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words, monkeypatch) == 2
+    text = capsys.readouterr()
+    assert_one_line(text.err, "study.toml: no case has an answer; see the column error of sweep.csv")
+    assert "2 cases failed; sweep.csv says why. The first: " in text.out
+    assert len(read(tmp_path / "out")) == 2
+
+
 def test_set_changes_every_machine_of_a_study(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -94,17 +94,17 @@ def area_between(lines: Iterable[Sequence[Array]], first: Iterable[Array] | None
     """
     import shapely
 
-    corners = []
+    swept = []
     for places in lines:
         path = np.stack(places)
         sides = path[:-1, :-1], path[:-1, 1:], path[1:, 1:], path[1:, :-1]
-        corners.append(np.stack(sides, axis=2).reshape(-1, 4, 2))
-    cells = shapely.make_valid(shapely.polygons(np.concatenate(corners)))
+        cells = shapely.make_valid(shapely.polygons(np.stack(sides, axis=2)))
+        swept += list(shapely.union_all(cells, axis=0))  # what each piece of the line sweeps
     rings = [] if first is None else [shapely.make_valid(shapely.polygons(ring)) for ring in first]
     outer = max(rings, key=lambda ring: float(ring.area), default=shapely.Polygon())
     for ring in rings:  # the others are holes
         outer = outer if ring is outer else outer.difference(ring)
-    return shapely.union_all([*cells, outer])
+    return shapely.union_all([*swept, outer])
 
 
 def simplified(shape: Any, tolerance: float) -> Any:
