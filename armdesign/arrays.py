@@ -21,13 +21,31 @@ CHUNK = 14_000
 
 
 class ReadOnly:
-    """Base of dataclasses whose arrays, also those in mappings, cannot be written to."""
+    """Base of dataclasses whose arrays, also in mappings and tuples, cannot be written to."""
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
-            for one in value.values() if isinstance(value, Mapping) else (value,):
-                if isinstance(one, np.ndarray):
-                    one.setflags(write=False)
+            _lock(value)
+
+
+def _lock(value: Any) -> None:
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, Mapping | tuple):
+        for one in value.values() if isinstance(value, Mapping) else value:
+            _lock(one)
+
+
+def read_only(method: Callable[[Any], T]) -> Callable[[Any], T]:
+    """Decorator of what is computed once: arrays of the result cannot be written to."""
+
+    @wraps(method)
+    def locked(self: Any) -> T:
+        result = method(self)
+        _lock(result)
+        return result
+
+    return locked
 
 
 def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
@@ -104,7 +122,7 @@ def poses_first(components: Array) -> Array:
 
 
 def side_by_side(values: Iterable[Any]) -> Array:
-    """Numbers along the last axis (k,); of machines that differ row by row (n, k).
+    """Numbers along the last axis (k,), read-only; of machines that differ row by row (n, k).
 
     Each of the k values is one number, or one for each of n rows.
     """
@@ -113,6 +131,7 @@ def side_by_side(values: Iterable[Any]) -> Array:
     together = np.empty((*rows, len(columns)), np.result_type(float, *columns))
     for k, column in enumerate(columns):
         together[..., k] = column
+    together.setflags(write=False)
     return together
 
 

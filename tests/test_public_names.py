@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 import armdesign as ad
@@ -77,3 +78,35 @@ CLASSES = {name for name in ad.__all__ if inspect.isclass(getattr(ad, name))}
 def test_every_result_draws_itself(name: str) -> None:
     """Without being told anything more."""
     inspect.signature(getattr(ad, name).plot).bind(None)
+
+
+def written_to(value: Any, path: str, seen: set[int]) -> Iterator[str]:
+    """Paths of arrays that can be written to, in a result of the package and all that it holds."""
+    if id(value) in seen:
+        return
+    seen.add(id(value))
+    if isinstance(value, np.ndarray):
+        if value.flags.writeable:
+            yield path
+    elif isinstance(value, tuple | list):
+        for one in value:
+            yield from written_to(one, f"{path}[]", seen)
+    elif isinstance(value, dict):
+        for one in value.values():
+            yield from written_to(one, f"{path}{{}}", seen)
+    elif type(value).__module__.startswith("armdesign."):
+        for name, held in tuple(vars(value).items()):
+            if not name.startswith("_"):
+                yield from written_to(held, f"{path}.{name}", seen)
+
+
+def test_arrays_of_machines_maps_and_charts_are_read_only() -> None:
+    """Written to by mistake, as for other units, they would change later answers."""
+    machine = ad.load("excavator_20t")
+    workspace = ad.Workspace.grid(machine, points=3)
+    frequencies = ad.frequency_map(machine, workspace)
+    poses = machine.at(machine.ranges.mean(axis=1))
+    assert poses.stiffness_matrix.shape == (1, 3, 3)  # kept, as are other cached ones
+    results = (frequencies, frequencies.reach_map(9), poses, ad.natural_modes(poses))
+    for result in (*results, ad.lift_chart(machine), workspace.rigid):
+        assert list(written_to(result, type(result).__name__, set())) == []

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.calibration import words
 from armdesign.calibration.fit import Fit, LeastSquares, determined, left_out, refuse_too_few
 from armdesign.calibration.measured import Measured, measured_of, read_measured
@@ -32,7 +32,7 @@ DIGITS = 2  # significant, of a deviation; the value ends where it ends
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Calibration:
+class Calibration(ReadOnly):
     """Numbers of a machine file as measurements determine them.
 
     Attributes:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.control.bandwidth_map import BandwidthMap
 from armdesign.control.controller import Controller
 from armdesign.errors import ArmDesignError, choose
@@ -25,7 +25,7 @@ MOST = 4  # joints between which gains are linear; beyond, gains of the nearest 
 
 
 @dataclass(frozen=True, eq=False)
-class GainSchedule:
+class GainSchedule(ReadOnly):
     """Gains of their own for each loop at any pose; call it with q.
 
     Attributes:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.design.bound.certificate import Certificate, certificate_within_bands
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.program.problem import Problem
@@ -82,7 +82,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Design:
+class Design(ReadOnly):
     """A new machine, why it is allowed, and what it gains.
 
     Attributes:

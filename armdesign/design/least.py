@@ -84,9 +84,10 @@ def least(
             fall below, nor within the bands.
         of: "oil": swept volume of all cylinders together, bore sides or annulus sides, whichever
             is the larger share of today's (``oil_total_share``). "flow": pump flow at which every
-            actuator, moving alone, crosses its range in today's time: the largest share of today's
-            swept volume of any cylinder and side (``oil_each_share``) × today's flow. "mass":
-            estimated mass of all cylinders (``cylinder_mass`` [kg]).
+            cylinder, moving alone, crosses its range in today's time: the largest share of today's
+            swept volume of any cylinder and side (``oil_each_share``) × today's flow. Motors,
+            which no search changes, turn as much slower as that flow is less. "mass": estimated
+            mass of all cylinders (``cylinder_mass`` [kg]).
         vary: as in ``optimize``.
         starts: as in ``optimize``.
         seed: as in ``optimize``.

@@ -237,7 +237,7 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
     drawn_bodies = known.bodies if known is not None else bodies(machine)
     where = {link: index for index, body in enumerate(drawn_bodies) for link in body.links}
     placements = np.stack([plane.placements(poses, body.link) for body in drawn_bodies], axis=1)
-    pins, points, cylinders, bars, lengths = _between_pins(machine, plane, poses, where)
+    pins, points, cylinders, bars, lengths = _between_pins(machine, poses, where)
     loads = [load for load in machine.payloads if load.link is not None and load.mass > 0]
     return SideView(
         bodies=drawn_bodies,
@@ -285,7 +285,7 @@ def _coordinates(machine: Machine, q: ArrayLike) -> Array:
 
 
 def _between_pins(
-    machine: Machine, plane: PicturePlane, poses: RigidPoses, where: dict[str, int]
+    machine: Machine, poses: RigidPoses, where: dict[str, int]
 ) -> tuple[list[PinPoint], list[Array], list[CylinderShape], list[Bar], list[Array]]:
     """Pins and their places in the world, cylinders and bars between them, pin-to-pin lengths."""
     pins, points, lengths = list[PinPoint](), list[Array](), list[Array]()

@@ -2,12 +2,13 @@
 
 SDF allows joints that close loops, so that rods end on their pins by joints of their own. Joints
 are 0 at the pose, and limits count from there. Frozen joints are fixed. Loads are left out, as
-in a URDF.
+in a URDF. Springs hold the arm without them at rest at the pose.
 """
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,10 +19,13 @@ from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.visuals import Visual, visuals
 from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
 from armdesign.exchange.urdf import centre, folder_of, urdf
+from armdesign.machine.load_case import NO_LOAD
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf import attribute, of_roll_pitch_yaw, roll_pitch_yaw
 from armdesign.mechanism.urdf_faults import numbers
+from armdesign.simulation.plant.springs import settled
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -36,14 +40,15 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
     """Text of the SDF at a pose q (nq,) [rad, m]; default: the middle of the joint ranges.
 
     Raises:
-        PoseError: not one number per joint.
+        PoseError: not one number per joint, or of a machine with springs a pose that it cannot
+            take.
     """
     q = joint_positions(machine, middle_pose(machine) if pose is None else pose)[:1]
     rigid = machine.arm.kinematics(q)
     document = ET.Element("sdf", version=VERSION)
     model = ET.SubElement(document, "model", name=machine.name)
     _add_links(machine, model, rigid)
-    _add_joints(machine, model, rigid)
+    _add_joints(settled(replace(machine, payload=NO_LOAD), q), model, rigid)
     for body in cylinder_bodies(machine, q, q[0]):
         _add_body(model, body)
     ET.indent(document)
@@ -133,6 +138,7 @@ def _add_joints(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
         )
     )
     coordinates = {joint.name: joint for joint in machine.arm.coordinates}
+    springs = {spring.joint: spring for spring in machine.springs}
     for element in ET.fromstring(machine.arm.xml).findall("joint"):
         name = str(element.get("name"))
         ends = (element.find(tag) for tag in ("parent", "child"))
@@ -143,6 +149,8 @@ def _add_joints(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
         if moving is not None:
             limits = moving.lower - positions[name], moving.upper - positions[name]
             _add_axis(joint, moving.axis, limits)
+        if name in springs:
+            _add_spring(joint, springs[name])
 
 
 def _joint(model: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
@@ -164,6 +172,16 @@ def _add_axis(joint: ET.Element, axis: ArrayLike, limits: tuple[float, float] | 
         limit = ET.SubElement(element, "limit")
         for key, value in zip(("lower", "upper"), limits, strict=True):
             ET.SubElement(limit, key).text = repr(float(value))
+
+
+def _add_spring(joint: ET.Element, spring: Spring) -> None:
+    """A spring that carries its preload where the joint is 0: κ times the reference."""
+    assert spring.preload is not None
+    reference = spring.preload / spring.stiffness
+    names = "damping", "spring_reference", "spring_stiffness"
+    dynamics = ET.SubElement(joint.findall("axis")[0], "dynamics")
+    for key, value in zip(names, (spring.damping, reference, spring.stiffness), strict=True):
+        ET.SubElement(dynamics, key).text = repr(float(value))
 
 
 # --------------------------------------------------------------------------------------- cylinders

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
 from armdesign.frequency.workspace import Workspace
@@ -238,7 +238,7 @@ class Corner(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario:
+class Scenario(ReadOnly):
     """One set of values within the bands, and the lowest frequency of the poses there.
 
     Attributes:

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.errors import TopplingError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CasePoses:
+class CasePoses(ReadOnly):
     """A load case and the poses of a workspace at which it exists."""
 
     machine: Machine  # the machine with this load case at work

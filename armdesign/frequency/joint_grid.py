@@ -33,7 +33,7 @@ def joint_axes(machine: Machine, points: int | Sequence[int] | None, end_margin:
     Raises:
         ArmDesignError: counts that cannot be.
     """
-    ranges = machine.range_within(end_margin)
+    ranges = machine.range_within(end_margin).copy()
     if points is None:
         for j in machine.idle_joints:
             ranges[j, 0] = ranges[j].mean()

@@ -41,7 +41,8 @@ class FrequencyMap(ReadOnly):
         columns: by name, a value for each load case and pose at which it exists (n,): each joint
             [rad, m], ``payload``, ``tool_x_m`` …, ``f1_hz`` … (coupled), ``locked_<cylinder>_hz``,
             ``rigid_<cylinder>_hz``, ``<cylinder>_force_n``, ``<cylinder>_extension``; of a motor
-            ``<motor>_torque_n_m`` and no extension. Each spring has a coupled frequency more.
+            ``<motor>_torque_n_m``, no extension and inf for the rigid load. Each spring has a
+            coupled frequency more.
         worst: the worst pose, refined off the grid.
         worst_of: the worst pose of every load case, by its name.
         limiting: for each row, the actuator or spring with the largest share in the lowest mode.
@@ -122,41 +123,12 @@ class FrequencyMap(ReadOnly):
         return pd.Series(shares, name="share")
 
     @property
-    def formula_ratios(self) -> pd.DataFrame:
-        """Frequencies by simpler formulas over the lowest coupled frequency of the same pose.
-
-        Least, median and greatest ratio; a row per cylinder and formula: ``locked`` with all other
-        cylinders locked (optimistic, never below one; up to inf, where these leave no motion),
-        ``rigid`` with the static load as a mass (up to inf, where that load vanishes). Unstable
-        poses are left out; inf where all are unstable.
-        """
-        import pandas as pd
-
-        lowest = self.lowest
-        stable = lowest > 0
-        names, heads = [actuator.name for actuator in self.machine.actuators], ("locked", "rigid")
-        index = pd.MultiIndex.from_product([names, heads], names=["cylinder", "formula"])
-        frame = pd.DataFrame(np.inf, index=index, columns=["least", "median", "greatest"])
-        for name, formula in index if stable.any() else ():
-            ratio = self.columns[f"{formula}_{name}_hz"][stable] / lowest[stable]
-            spread = percentiles(ratio, self.weights[stable], [0, 50, 100])
-            frame.loc[(name, formula), :] = spread
-        return frame
-
-    @property
-    def stiffness_shares(self) -> pd.DataFrame:
+    def part_shares(self) -> Array:
         """Shares of oil, gravity, moment arms and springs in the lowest mode's vᵀKv, row by row.
 
-        They sum to one; beyond one or below zero where one part acts against another, and of no
-        meaning where the pose is unstable.
+        An array (n, 3), or (n, 4) with springs. They sum to one; beyond one or below zero where
+        one part acts against another, and of no meaning where the pose is unstable.
         """
-        import pandas as pd
-
-        return pd.DataFrame(dict(zip(STIFFNESS, self.part_shares.T, strict=False)))
-
-    @property
-    def part_shares(self) -> Array:
-        """The ``stiffness_shares`` as an array (n, 3), or (n, 4) with springs."""
         return self.stiffness_parts / self.stiffness_parts.sum(axis=1, keepdims=True)
 
     @property

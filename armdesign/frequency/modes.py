@@ -54,7 +54,7 @@ class Modes(ReadOnly):
             leave no motion. Springs stay free. Cylinders with parallel rows of R, such as two on
             one joint, are released together.
         rigid_frequencies: each cylinder with its static load as a mass (n, nc) [Hz], inf where
-            that load vanishes.
+            that load vanishes, and of a motor: a torque is no mass.
     """
 
     __repr__ = short_repr
@@ -96,6 +96,7 @@ def _natural_modes(poses: Poses) -> Modes:
     equivalent_mass = np.abs(poses.cylinder_forces) / GRAVITY
     with np.errstate(divide="ignore"):
         rigid = hertz(poses.oil_stiffness / equivalent_mass)
+    rigid[:, len(poses.machine.cylinders) :] = np.inf
     return Modes(
         frequencies=hertz(squared),
         shapes=product(np.swapaxes(inverse, 1, 2), vectors),

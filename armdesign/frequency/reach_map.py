@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks
+from armdesign.arrays import Array, Flags, ReadOnly, chunks
 from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.joint_grid import default_counts, nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
@@ -56,7 +56,7 @@ EXACT = 20_000  # poses computed at most where nothing can be interpolated
 
 
 @dataclass(frozen=True, eq=False)
-class ReachMap:
+class ReachMap(ReadOnly):
     """Lowest frequency at each place of the tool, as the user of a machine sees it.
 
     Attributes:

@@ -59,19 +59,17 @@ def onto_pitch_limit(
 
     Which of the poses (n, nq) can be turned so (m,), and these poses (m, nq).
     """
-    q = q.copy()
-    step = np.zeros(q.shape[1])
-    step[joint] = 0.1
+    own, step = np.eye(q.shape[1])[joint], 0.1
     turns = np.ones(len(q), dtype=bool)
     for _ in range(8):
         pitch = payload.limited_angle(machine.arm, machine.arm.kinematics(q))
         error = wrapped(limit - pitch)
         if np.abs(error[turns]).max(initial=0.0) < 1e-13:
             break
-        ahead = payload.limited_angle(machine.arm, machine.arm.kinematics(q + step))
-        slope = wrapped(ahead - pitch) / step[joint]
+        ahead = payload.limited_angle(machine.arm, machine.arm.kinematics(q + step * own))
+        slope = wrapped(ahead - pitch) / step
         turns = np.abs(slope) > SMALLEST_SLOPE
-        q[:, joint] += error / np.where(turns, slope, np.inf)
+        q = q + (error / np.where(turns, slope, np.inf))[:, None] * own
     turned = np.flatnonzero(np.abs(error) < 1e-10)
     return turned, q[turned]
 

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
 from armdesign.frequency.modes import (
     energy_shares,
@@ -55,7 +55,7 @@ class Lowest(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class WorstPose:
+class WorstPose(ReadOnly):
     """The pose with the lowest coupled natural frequency [Hz] of a map, on the grid or off it.
 
     Attributes:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, ReadOnly
+from armdesign.arrays import Array, Flags, ReadOnly, read_only
 from armdesign.design.requirements.candidate import (
     CHECKED_POSES,
     MachineCandidate,
@@ -55,6 +55,7 @@ class Acceptance(ReadOnly):
     slacks: Array
 
     @cached_property
+    @read_only
     def counted(self) -> Flags:
         """Whether each requirement counts (m,).
 
@@ -64,6 +65,7 @@ class Acceptance(ReadOnly):
         return np.asarray(~(exact & (self.missed > 0)))
 
     @cached_property
+    @read_only
     def missed(self) -> Array:
         """Share of machines that miss each requirement (m,)."""
         return np.asarray(np.mean(self.slacks < 0, axis=0))

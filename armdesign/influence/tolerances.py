@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arguments import checked, refuse_unless_seed
-from armdesign.arrays import Array, ReadOnly, chunks
+from armdesign.arrays import Array, ReadOnly, chunks, read_only
 from armdesign.design.requirements.record import Check
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
@@ -74,11 +74,13 @@ class Tolerances(ReadOnly):
     searched: Array
 
     @cached_property
+    @read_only
     def frequencies(self) -> Array:
         """Worst frequency of every machine (n,) [Hz]."""
         return np.asarray(np.nanmin(self.of_rivals, axis=1))
 
     @cached_property
+    @read_only
     def linear(self) -> Array:
         """Worst frequency of every machine (n,) [Hz] by the derivatives."""
         change = self.values - [width.value for width in self.widths]

@@ -44,7 +44,7 @@ RANDOM = 64  # poses at which it is looked which joints raise the point
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ChartPoses:
+class ChartPoses(ReadOnly):
     """All m poses that bring the point to one of the n places of its grid.
 
     Attributes:

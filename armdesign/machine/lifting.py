@@ -17,7 +17,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.hydraulics.oil_spring import holding_force
-from armdesign.machine.load_case import LoadCase
+from armdesign.machine.load_case import NO_LOAD
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
 from armdesign.mechanism.arm import RigidPoses
@@ -73,4 +73,4 @@ def torque_per_mass(machine: Machine, rigid: RigidPoses, point: Pin) -> Array:
 
 def unloaded(machine: Machine, rigid: RigidPoses) -> Array:
     """Gravity torque (n, k) of links, cylinders and four-bars without a load [N m, N]."""
-    return replace(machine, payload=LoadCase(name="nothing")).loaded(rigid)[1]
+    return replace(machine, payload=NO_LOAD).loaded(rigid)[1]

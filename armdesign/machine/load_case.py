@@ -80,6 +80,9 @@ class LoadCase:
         return np.asarray(self.pitch_excess(arm, rigid) <= PITCH_TOLERANCE)
 
 
+NO_LOAD = LoadCase(name="nothing")
+
+
 def case_named(name: str, cases: Iterable[LoadCase], machine: str) -> LoadCase:
     """The load case of a name.
 
@@ -95,6 +98,8 @@ def case_named(name: str, cases: Iterable[LoadCase], machine: str) -> LoadCase:
 
 def case_of_mass(mass: float, cases: Iterable[LoadCase], machine: str) -> LoadCase:
     """A load case of a mass [kg], placed as the first of some cases that has a place.
+
+    Held in that case's pitch range, but for no mass, which cannot fall out.
 
     Raises:
         ArmDesignError: no mass, or no case has a place.
@@ -113,4 +118,5 @@ def case_of_mass(mass: float, cases: Iterable[LoadCase], machine: str) -> LoadCa
     if placed is None and mass > 0:
         fault = "no load case says where a mass sits"
         raise ArmDesignError(part, fault, "add link and at_mm to one")
-    return dataclasses.replace(placed or first, name=f"{mass:g} kg", mass=mass)
+    case = dataclasses.replace(placed or first, name=f"{mass:g} kg", mass=mass)
+    return case if mass else dataclasses.replace(case, pitch=None)

@@ -197,8 +197,8 @@ class Machine:
     def with_payload(self, payload: str | float) -> Machine:
         """The machine under another load case, by its name, or with another mass [kg].
 
-        A mass sits where the case at work has its own; if that has none, where the first case has
-        that has one. Maps and designs count it beside the file's; the file does not change.
+        A mass sits where the case at work has its own, else the first that has one, and is held in
+        its pitch range, 0 kg at any. Maps and designs count it beside the file's, which stays.
         """
         if isinstance(payload, str):
             return replace(self, payload=case_named(payload, self.payloads, self.name))

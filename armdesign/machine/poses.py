@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags, ReadOnly, product, side_by_side
+from armdesign.arrays import Array, Flags, ReadOnly, product, read_only, side_by_side
 from armdesign.errors import PoseError, TopplingError
 from armdesign.mechanism.joint_ranges import DEAD_CENTRE
 from armdesign.mechanism.linkage.base import Linkage
@@ -96,17 +96,20 @@ class Poses(ReadOnly):
         )
 
     @cached_property
+    @read_only
     def hydraulic_stiffness(self) -> Array:
         """Rᵀ diag(k_h) R (n, k, k)."""
         weighted = self.moment_arms * self.oil_stiffness[:, :, None]
         return product(np.swapaxes(self.moment_arms, 1, 2), weighted)
 
     @cached_property
+    @read_only
     def geometric_stiffness(self) -> Array:
         """−Σ F_i H_i (n, k, k): the moment arms change under static load."""
         return -np.einsum("nc,ncij->nij", self.cylinder_forces, self.moment_arm_derivatives)
 
     @cached_property
+    @read_only
     def stiffness_matrix(self) -> Array:
         """K (n, k, k): minus the derivative of the net torque by q with the oil trapped."""
         springs, nq = self.spring_stiffness, self.q.shape[1]

@@ -20,7 +20,8 @@ from armdesign.units import mm
 def tipping_masses(machine: Machine, rigid: RigidPoses, ahead: Array) -> Array:
     """Mass (n,) [kg] that tips the machine; infinite where the point is between the lines.
 
-    0 where the arm alone tips it. Without ``[stability]`` nothing tips.
+    0 beyond a line about which the arm alone tips it; between them a load may steady it. Without
+    ``[stability]`` nothing tips.
 
     Args:
         machine: stability, masses.

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array, chunks, stacked
+from armdesign.arrays import Array, ReadOnly, chunks, read_only, stacked
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.composite_bodies import Bodies, inertia_and_gravity, model_indices
 from armdesign.mechanism.jets import VectorJet, cross
@@ -31,7 +31,7 @@ from armdesign.transaction import undisturbed
 
 
 @dataclass(frozen=True, eq=False)
-class RigidPoses:
+class RigidPoses(ReadOnly):
     """Inertia, gravity and placements of the bare links, without cylinders and payload.
 
     Over k coordinates: the nq joints of q, then springs, which stand where they rest.
@@ -145,6 +145,7 @@ class Arm:
         return frozen[0].union(*frozen) - frozen[0].intersection(*frozen)
 
     @cached_property
+    @read_only
     def limits(self) -> Array:
         """URDF limits (nq, 2) [rad, m]; a continuous joint has one turn."""
         return np.array([[joint.lower, joint.upper] for joint in self.joints])

@@ -31,7 +31,7 @@ def joint_ranges(
     """Ranges (nq, 2) [rad, m] in which cylinders keep ``end_margin`` of their stroke free.
 
     A cylinder across several joints couples their ranges: it is left to ``Machine.margins``. Ends
-    are exact.
+    are exact, and the array is read-only.
 
     Raises:
         MachineFileError: no such range, or within it a dead centre or a linkage that opens.
@@ -41,6 +41,7 @@ def joint_ranges(
         pairs = [pair for pair in zip(linkages, cylinders, strict=True) if pair[0].joints == (j,)]
         if pairs:
             ranges[j] = _JointRange(arm, j, pairs, end_margin, source).ends()
+    ranges.setflags(write=False)
     return ranges
 
 

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, ReadOnly
 from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf_faults import faults_of, movable_joints, numbers, parse
 
@@ -29,7 +29,7 @@ _DEFAULTS = {  # numbers that Pinocchio reads, by element and attribute
 
 
 @dataclass(frozen=True)
-class Joint:
+class Joint(ReadOnly):
     """One coordinate of the arm."""
 
     name: str
@@ -56,7 +56,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Link:
+class Link(ReadOnly):
     """A link: the joint that carries it, and its frame in the frame of that joint."""
 
     name: str

@@ -27,9 +27,9 @@ from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import Actuator
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, static_forces
+from armdesign.simulation.plant.rigid_bodies import RigidBodies
 from armdesign.units import bar
 
-STEP = 1e-4  # [rad, m] of differences of the inertia
 STANDS = 1e-9  # of the largest piston path: a piston that moves less stands
 
 
@@ -67,7 +67,7 @@ def path_limits(
     inertia = poses.mass_matrix[:, :nq, :nq] @ along
     areas = machine.bore_areas
     by_a = static_forces(arms, inertia, areas, nq)
-    by_b = static_forces(arms, velocity_torque(machine, poses, along), areas, nq)
+    by_b = static_forces(arms, _velocity_torque(machine, poses, along), areas, nq)
     rows = [
         row
         for i, actuator in enumerate(machine.actuators)
@@ -96,19 +96,13 @@ def _most(machine: Machine, travel: Array, share: float) -> Array:
         return np.asarray((share * machine.supply.flow / taken) ** 2)
 
 
-def velocity_torque(machine: Machine, poses: Poses, along: Array) -> Array:
-    """Coriolis and centrifugal torques c(q, Δ) (n, nq) at unit σ̇: Ṁ Δ − ½ ∇(Δᵀ M Δ)."""
-    nq = len(machine.joints)
-    slopes = []
-    for j in range(nq):
-        shift = STEP * np.eye(nq)[j]
-        ahead, behind = (
-            machine.evaluate(machine.rigid_poses(poses.q[:, :nq] + sign * shift)).mass_matrix
-            for sign in (1, -1)
-        )
-        slopes.append((ahead - behind)[:, :nq, :nq] @ along / (2 * STEP))  # ∂M/∂q_j Δ
-    rates = np.stack(slopes, axis=1)  # (n, j, nq)
-    return np.asarray(np.einsum("njk,j->nk", rates, along) - 0.5 * rates @ along)
+def _velocity_torque(machine: Machine, poses: Poses, along: Array) -> Array:
+    """Coriolis and centrifugal torques c(q, Δ) (n, nq) at unit σ̇."""
+    bodies, nq = RigidBodies(machine.loaded_arm), len(along)
+    q = machine.arm.with_springs(poses.q)
+    velocity = np.zeros(q.shape)
+    velocity[:, :nq] = along
+    return (bodies.resistance(q, velocity) - bodies.resistance(q, 0 * velocity))[:, :nq]
 
 
 def _force_rows(

@@ -35,7 +35,7 @@ TOLERATED = 0.05  # residual vibration, over the vibration after a step
 MOST_IMPULSES = 200
 SEARCHED = 4001  # frequencies at which a residual over a band is looked at
 ROUNDING = 1e-9  # of the sum of amplitudes
-WITHIN = 1.001  # of a residual: the hump of a damped EI is a little beside its frequency
+WITHIN = 1.01  # of a residual: the hump of a damped EI is a little beside its frequency
 TRIES = 40  # to bring the residual of a damped band below its limit
 
 

@@ -62,7 +62,7 @@ def machine_overlay(
         f"{one.name} {one.length / mm:.1f} → {other.length / mm:.1f} mm"
         for one, other in changed_bars(before, after)
     ]
-    said = [*bars, *faults(new, after)]
+    said = [*bars, *faults(after)]
     moves, colours = moved_pins(before, after), actuator_colours(new)
     labels_of_moves = [_move_label(move, colours) for move in moves]
     room, limits = room_for(labels_of_moves, limits, axes_width())

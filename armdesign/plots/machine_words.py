@@ -26,7 +26,7 @@ def pose_words(machine: Machine, view: SideView) -> str:
     return number(pose_text(machine, q, WORKSHOP))
 
 
-def faults(machine: Machine, view: SideView) -> list[str]:
+def faults(view: SideView) -> list[str]:
     """Faults of a drawn pose: pins out of place, cylinders out of their stroke."""
     words = [f"{name} lies outside the outline of its link" for name in view.stray_pins]
     for shape, length, wrong in zip(

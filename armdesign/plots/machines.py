@@ -61,7 +61,7 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
         ax: axes to draw into; new ones if None.
     """
     view = side_view(machine, middle_pose(machine) if q is None else q)
-    wrong = faults(machine, view)
+    wrong = faults(view)
     labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
     width = axes_width(beside=True)
     room, limits = room_for(labels, extent([view]), width)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags, ReadOnly
+from armdesign.arrays import Array, Flags, ReadOnly, read_only
 from armdesign.errors import SimulationError, choose
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
@@ -72,6 +72,7 @@ class StateSpace(ReadOnly):
     machine: Machine
 
     @cached_property
+    @read_only
     def state_matrix_in_bar(self) -> Array:
         """A with pressures in bar, all else SI (…, ns, ns).
 
@@ -171,12 +172,14 @@ class LinearModel(StateSpace):
     stable: bool  # whether trapped oil and springs alone hold the pose, K ≻ 0
 
     @cached_property
+    @read_only
     def poles(self) -> Array:
         """All eigenvalues of A (ns,) [rad/s], slow ones first."""
         poles = np.linalg.eigvals(self.A)
         return np.asarray(poles[np.argsort(np.abs(poles), kind="stable")])
 
     @cached_property
+    @read_only
     def modes(self) -> Array:
         """Oscillatory poles of arm and oil above the real axis [rad/s], slow ones first.
 

@@ -19,6 +19,7 @@ from armdesign.machine import template
 from tests import machines
 from tests.commands import Refused, main
 from tests.machine.as_links import with_links
+from tests.sprung import rocking
 
 NAMES = ("excavator_20t", "loader_crane", "paper_1dof")
 ODD = ("spatial", "slewing", "crossing")
@@ -149,6 +150,19 @@ def pose_of(element: ET.Element) -> tuple[np.ndarray, np.ndarray]:
     return Rotation.from_euler("xyz", x[3:]).as_matrix(), x[:3]
 
 
+def frames_of(model: ET.Element) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Rotation and place of every link in the model."""
+    frames: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for link in model.findall("link"):
+        rotation, place = pose_of(link)
+        base = link.find("pose").get("relative_to")  # type: ignore[union-attr]
+        if base:
+            turn, foot = frames[base]
+            rotation, place = turn @ rotation, foot + turn @ place
+        frames[str(link.get("name"))] = rotation, place
+    return frames
+
+
 @pytest.mark.parametrize("name", [*NAMES, *ODD])
 def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
     """Every link has its place in the model; every rod and coupler ends where its joint holds it,
@@ -160,15 +174,8 @@ def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
     assert model is not None
     names = [str(child.get("name")) for child in model]
     assert len(set(names)) == len(names), "SDF: names of links and joints share one space"
-    frames: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for link in model.findall("link"):
-        rotation, place = pose_of(link)
-        base = link.find("pose").get("relative_to")  # type: ignore[union-attr]
-        if base:
-            turn, foot = frames[base]
-            rotation, place = turn @ rotation, foot + turn @ place
-        frames[str(link.get("name"))] = rotation, place
-        assert float(link.findtext("inertial/mass") or 0) > 0
+    frames = frames_of(model)
+    assert all(float(mass.text or 0) > 0 for mass in model.findall("link/inertial/mass"))
     ends = {f"{cylinder.name}_rod": k for k, cylinder in enumerate(machine.cylinders)}
     rigid = machine.arm.kinematics(q[None])
     for body, k in ends.items():
@@ -181,6 +188,30 @@ def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
         lower_upper = [float(limit.findtext(end) or "nan") for end in ("lower", "upper")]
         at = q[machine.joints.index(joint)]
         assert np.array(lower_upper) + at == pytest.approx(limits, abs=1e-12)
+
+
+def test_springs_of_the_sdf_hold_the_unloaded_arm_at_the_pose(tmp_path: Path) -> None:
+    """κ times the reference is the moment about the joint of the weights of the SDF's bodies."""
+    machine = rocking(more="damping_ratio = 0.1").with_payload("full")
+    q = machines.inner_poses(machine, 1)[0]
+    model = ET.parse(ad.export(machine, tmp_path / "m.sdf", q)).getroot().find("model")
+    assert model is not None
+    moment = 0.0  # about −y, through the origin
+    for name, (rotation, place) in frames_of(model).items():
+        inertial = model.find(f"link[@name='{name}']/inertial")
+        assert inertial is not None
+        mass = float(inertial.findtext("mass") or 0)
+        if name != machine.arm.root and mass != 0.1:  # else a frame
+            moment += 9.81 * mass * (place + rotation @ pose_of(inertial)[1])[0]
+    found = model.find("joint[@name='rocking_joint']/axis/dynamics")
+    assert found is not None
+    words = "spring_stiffness", "spring_reference", "damping"
+    stiffness, reference, damping = (float(found.findtext(word) or "nan") for word in words)
+    assert stiffness == 2.5e7
+    assert stiffness * reference == pytest.approx(moment, rel=1e-9)
+    assert damping > 0
+    others = [axis for axis in model.findall("joint/axis") if axis.find("dynamics") is not None]
+    assert len(others) == 1
 
 
 def test_links_of_the_file_are_drawn_and_have_limits_of_their_actuators(tmp_path: Path) -> None:

@@ -59,7 +59,9 @@ def test_modes_solve_the_generalised_eigenproblem(machine: ad.Machine) -> None:
 
 
 def _rigid(poses: ad.Poses) -> np.ndarray:
+    """Of cylinders k/(|F|/g); of motors inf."""
     mass = np.abs(poses.cylinder_forces) / GRAVITY
+    mass[:, len(poses.machine.cylinders) :] = 0.0
     return np.sqrt(
         np.divide(poses.oil_stiffness, mass, out=np.full_like(mass, np.inf), where=mass > 0)
     ) / (2 * np.pi)

@@ -27,6 +27,13 @@ def test_it_sits_where_the_case_at_work_sits(loaded: ad.Machine) -> None:
     assert_allclose(loaded.at(q).gravity_torque, other.at(q).gravity_torque, rtol=1e-14)
 
 
+def test_no_mass_falls_out(loaded: ad.Machine) -> None:
+    """A mass is held in the pitch range of the file's load, none is held at any pitch."""
+    tipped = [[0.5, -1.8, -0.6]]  # bucket at 251°; the load is held at 120° to 240°
+    assert loaded.with_payload(0.0).holds(tipped).all()
+    assert not loaded.with_payload(1.0).holds(tipped).any()
+
+
 def test_maps_count_it_beside_the_cases_of_the_file(loaded: ad.Machine) -> None:
     frequencies = ad.frequency_map(loaded, ad.Workspace.grid(loaded, points=5))
     assert list(frequencies.frame["payload"].unique()) == ["empty", "full", "2500 kg"]

@@ -103,7 +103,7 @@ def test_a_spring_limits_and_is_named() -> None:
         assert [c for c in frequencies.frame.columns if c[0] == "f" and c.endswith("_hz")] == [
             f"f{i}_hz" for i in (1, 2, 3, 4)
         ]
-        assert_allclose(frequencies.stiffness_shares.sum(axis=1), 1)
+        assert_allclose(frequencies.part_shares.sum(axis=1), 1)
         squared = (2 * math.pi * frequencies.frame["f1_hz"]) ** 2
         assert_allclose(frequencies.stiffness["omega_squared"], squared, rtol=1e-9)
 

@@ -23,6 +23,7 @@ from armdesign.design.requirements.stated import (
 )
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
+from armdesign.mechanism.linkage.gear import Gear
 from armdesign.units import mm
 
 
@@ -123,33 +124,36 @@ def speeds(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 def flow(new: Candidate, reference: Reference, speed: Speed) -> Array:
     """Flow that the actuators of a motion draw together (b,) [m³/s].
 
-    Bore sides extending, annulus sides retracting. Over a joint's range the mean is the swept
-    volume over the time; at every pose it is A |r| q̇ where |r| is largest.
+    Bore sides extending, annulus sides retracting, and motors, whose area is that of a radian.
+    Over a joint's range the mean is the swept volume over the time; at every pose it is A |r| q̇
+    where |r| is largest.
 
     Raises:
         ArmDesignError: a joint that a cylinder across several joints moves.
     """
     total = np.zeros(len(new.areas))
-    for i in range(len(reference.today.cylinders)):
-        for rate in _piston_speeds(new, reference, speed, i):
+    for i in range(len(reference.today.actuators)):
+        for rate in _rates(new, reference, speed, i):
             extends = np.real(np.ravel(rate)[0]) > 0
             area = new.areas[:, i, 0 if extends else 1]
             total = total + np.where(extends, rate, -np.asarray(rate)) * area
     return total
 
 
-def _piston_speeds(
-    new: Candidate, reference: Reference, speed: Speed, i: int
-) -> Iterator[float | Array]:
-    """Speeds (b,) [m/s] at which a motion moves one cylinder, positive extending."""
+def _rates(new: Candidate, reference: Reference, speed: Speed, i: int) -> Iterator[float | Array]:
+    """Speeds (b,) [m/s, of a motor rad/s] at which a motion moves one actuator, + extending."""
     today = reference.today
-    name, linkage, swept = today.cylinders[i].name, today.linkages[i], new.sweeps[i]
+    name, drive = today.actuators[i].name, today.drives[i]
     if name in speed.cylinders:
         yield speed.cylinders[name]
     for joint, rate in speed.joints.items():
         j = today.joints.index(joint)
-        if j not in linkage.joints:
+        if j not in drive.joints:
             continue
+        if isinstance(drive, Gear):
+            yield rate
+            continue
+        swept = new.sweeps[i]
         if swept is None:
             raise ArmDesignError(
                 f"requirements.speed.{speed.name}",

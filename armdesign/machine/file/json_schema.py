@@ -20,7 +20,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "tool": "the point whose place is reported",
     "payload": "load cases by name; the worst one counts",
     "fluid": "the oil",
-    "density_kg_per_m3": "density of the oil",
+    "density_kg_per_m3": "density of the oil; told by check, changes no result",
     "supply": "the pump",
     "pressure_bar": "relief pressure: the most that the pump gives",
     "return_pressure_bar": "pressure behind the valves on the way to the tank",

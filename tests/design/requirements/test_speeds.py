@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign import ArmDesignError, Requirements, Workspace
+from armdesign.design.requirements.check import check
+from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.speeds import Speed
 from tests.design.requirements.shared import FLOW, own, reference
 from tests.machines import named
@@ -55,6 +58,30 @@ def test_functions_that_move_together_share_the_flow() -> None:
     assert checks["speed.t"].value == pytest.approx(
         checks["speed.b"].value + checks["speed.s"].value, rel=1e-12
     )
+
+
+def test_a_motor_draws_its_displacement() -> None:
+    """By hand: V_g i/2π q̇, beside what the boom draws; with more speed than the pump's flow the
+    requirement is missed.
+    """
+    machine = named("slewing")
+    workspace = Workspace.grid(machine, points=2)
+
+    def flow_of(*speeds: Speed) -> dict[str, Check]:
+        requirements = replace(Requirements.of(machine), speeds=speeds)
+        return {c.name: c for c in check(machine, machine, workspace, requirements)}
+
+    motor = machine.section.motor["swing"]
+    per_radian = motor.displacement_cm3 * 1e-6 * motor.gear_ratio / (2 * math.pi)
+    swing = Speed(name="a", joints={"swing": -0.5})
+    both = Speed(name="b", joints={"swing": -0.5, "boom": 0.2}, at="every")
+    boom = Speed(name="c", joints={"boom": 0.2}, at="every")
+    flows = flow_of(swing, both, boom)
+    assert flows["speed.a"].value == pytest.approx(0.5 * per_radian, rel=1e-12)
+    together = flows["speed.a"].value + flows["speed.c"].value
+    assert flows["speed.b"].value == pytest.approx(together, rel=1e-12)
+    too_fast = Speed(name="a", joints={"swing": 2 * machine.supply.flow / per_radian})
+    assert flow_of(too_fast)["speed.a"].slack < 0
 
 
 def test_speed_of_a_joint_that_a_cylinder_across_joints_moves() -> None:
