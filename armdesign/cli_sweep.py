@@ -6,6 +6,7 @@ import importlib.util
 from functools import partial
 from typing import TYPE_CHECKING
 
+from armdesign.csv_rows import plain_cells
 from armdesign.errors import ArmDesignError
 from armdesign.options import FreshOption, ProcessesOption, SchedulerOption, StudyArgument
 from armdesign.output import command_line, kept
@@ -49,7 +50,7 @@ def sweep(
             )
             table = answers.frame
         with run.writing(out) as folder:
-            table.to_csv(folder / "sweep.csv", index=False)  # every digit
+            plain_cells(table).to_csv(folder / "sweep.csv", index=False)  # every digit
             if importlib.util.find_spec("pyarrow"):
                 _of_one_kind(table).to_parquet(folder / "sweep.parquet", index=False)
     except KeyboardInterrupt as stop:

@@ -11,9 +11,13 @@ import csv
 import re
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armdesign import text_files
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, printable
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Row = tuple[int, list[str]]
 DIGITS = 9  # significant, of numbers that are written
@@ -28,6 +32,12 @@ FORMULA = re.compile(
 def plain_text(text: str) -> str:
     """The text as a cell or head of a column, with an apostrophe where it looks like a formula."""
     return text if NUMBER.fullmatch(text) or not FORMULA.match(text) else f"'{text}"
+
+
+def plain_cells(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with every text in its heads and cells as ``plain_text``."""
+    plain = table.map(lambda cell: plain_text(printable(cell)) if isinstance(cell, str) else cell)
+    return plain.rename(columns=lambda name: plain_text(printable(str(name))))
 
 
 def read_rows(

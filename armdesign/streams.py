@@ -22,12 +22,29 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     return "".join(plain), error.end
 
 
+def _replace_closed() -> None:
+    """Put nothing in the place of streams that were closed, as by ``>&-``: workers need some.
+
+    Under their own numbers, if free: what else opens a file must not be given these.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            place = os.open(os.devnull, os.O_RDWR)
+            try:
+                os.fstat(number)
+            except OSError:
+                place = os.dup2(place, number)
+            mode = "w" if number else "r"
+            setattr(sys, name, open(place, mode, encoding="utf-8"))  # noqa: SIM115
+
+
 @contextmanager
 def printing() -> Iterator[None]:
     """Within it stdout and stderr take every text; one that cannot be written is one line, code 2.
 
     A pipe that nobody reads any more ends the program without a word.
     """
+    _replace_closed()
     codecs.register_error("armdesign", _in_ascii)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -36,8 +53,7 @@ def printing() -> Iterator[None]:
         try:
             yield
         finally:
-            if sys.stdout is not None:
-                sys.stdout.flush()
+            sys.stdout.flush()
     except OSError as error:
         for stream in (sys.stdout, sys.stderr):  # nor may Python's own end try it again
             with suppress(OSError, ValueError):

@@ -191,3 +191,22 @@ def test_fifty_kills_at_random_moments_lose_and_double_nothing(tmp_path: Path) -
     assert resumed.kept >= 15
     one, other = (each.frame.drop(columns="seconds") for each in (resumed, undisturbed))
     pd.testing.assert_frame_equal(one, other, check_exact=True)
+
+
+def test_words_of_a_study_are_no_formulas(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cases.csv").write_text("title\n=cmd|' /C calc'!A0\n@SUM(1)\n")
+    study = written(tmp_path, 'machine = "paper_1dof"\npoints = 3\ncsv = "cases.csv"\n')
+    words = ["sweep", study, "--out", str(tmp_path / "out"), "--workers", "1"]
+    main(words, monkeypatch)
+    lines = (tmp_path / "out" / "sweep.csv").read_text().splitlines()
+    assert "'=cmd|' /C calc'!A0," in lines[1]
+    assert "'@SUM(1)," in lines[2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
+def test_several_workers_need_no_open_streams(tmp_path: Path, closed: str) -> None:
+    words = f"sweep {written(tmp_path)} --out {tmp_path / 'out'} --workers 2 {closed}"
+    done = subprocess.run([*"sh -c".split(), f"exec {' '.join(ARMDESIGN)} {words}"], check=False)
+    assert done.returncode == 0
+    assert len(read(tmp_path / "out")) == 9

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from armdesign.arguments import checked
+from armdesign.csv_rows import plain_cells
 from armdesign.errors import ArmDesignError
 from armdesign.exchange.dxf import write_dxf
 from armdesign.exchange.pin_table import pin_table
@@ -59,7 +60,7 @@ def export(machine: Machine, path: str | Path, pose: ArrayLike | None = None) ->
     kind = file.suffix.lower().removeprefix(".")
     try:
         if kind == "csv":
-            pin_table(machine, pose).to_csv(file, index=False)
+            plain_cells(pin_table(machine, pose)).to_csv(file, index=False)
         elif kind == "dxf":
             write_dxf(machine, file, pose)
         elif kind in FORMATS:

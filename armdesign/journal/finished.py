@@ -77,6 +77,11 @@ class Pieces:
 _open: list[Pieces] = []
 
 
+def is_keeping() -> bool:
+    """Whether finished pieces are kept now."""
+    return bool(_open)
+
+
 @contextmanager
 def keeping(path: Path) -> Iterator[Pieces]:
     """Keep the pieces that are finished in the block in a journal, until the block has ended well.

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, printable
 from armdesign.journal.keys import canonical, digest
 
 FORMAT = 1  # of the tables
@@ -70,6 +70,8 @@ class Journal:
                 other files or another version.
         """
         self.path, self._otherwise = path, otherwise
+        if not path.name or (path.exists() and not path.is_file()):
+            raise ArmDesignError(str(path), "is no regular file", "name another for the journal")
         if new:
             _set_aside(path)
         self._refuse_emptied()
@@ -116,7 +118,7 @@ class Journal:
             ArmDesignError: it cannot be written; what was written before stays.
         """
         answer = json.dumps(dict(entry.answer))  # in its own order, every bit of a number
-        fields = [key, name, answer, float(entry.seconds), entry.error]
+        fields = [key, printable(name), answer, float(entry.seconds), entry.error]
         with self._in_words():
             self._database.execute(
                 "INSERT OR IGNORE INTO cases VALUES (?, ?, ?, ?, ?, ?)", [*fields, digest(fields)]
@@ -161,12 +163,13 @@ class Journal:
         if written != version:
             fault = f"was written by armdesign {written}, this is {version}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)
-        changed = [name for name in files if before.get(name) != files[name]]
-        if changed or before.keys() != dict(files).keys():
-            gone = [name for name in before if name not in files]
-            names = ", ".join([*changed, *gone])
-            fault = f"belongs to another state of {names}"
+        changed = [name for name in files if before.get(name, files[name]) != files[name]]
+        if changed:
+            fault = f"belongs to another state of {', '.join(changed)}"
             raise ArmDesignError(str(self.path), fault, f"restore that, or {self._otherwise}")
+        if files.keys() - before.keys():  # machines that a study has more than before
+            together = canonical({**before, **files})
+            self._database.execute("UPDATE about SET value = ? WHERE name = 'files'", [together])
 
     def _refuse_emptied(self) -> None:
         """Raise for a file without its head, which SQLite would begin anew.
@@ -195,7 +198,8 @@ class Journal:
             raise ArmDesignError(place, fault, "name another folder") from None
         except sqlite3.Error as error:
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+            undecoded = "decode" in str(error)  # a flipped bit in a text
+            if undecoded or code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
                 raise self._damaged() from None
             if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
                 fault, remedy = "another run writes it", "wait for that, or name another folder"
@@ -210,7 +214,8 @@ class Journal:
 
 def _connected(path: Path) -> sqlite3.Connection:
     """A connection that holds the file's lock until it is closed or its process ends."""
-    database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
+    place = str(path.absolute())  # a relative one may read as a URI or ":memory:"
+    database = sqlite3.connect(place, timeout=PATIENCE, isolation_level=None)
     try:
         database.execute("PRAGMA locking_mode = EXCLUSIVE")
         database.execute("PRAGMA journal_mode = WAL")

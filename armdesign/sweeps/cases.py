@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from armdesign.arguments import refuse_unless_seed
-from armdesign.csv_rows import read_rows
+from armdesign.csv_rows import NUMBER, read_rows
 from armdesign.errors import ArmDesignError
 
 Changes = Mapping[str, Any]
@@ -65,7 +65,7 @@ def grid_changes(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
             raise ArmDesignError(path, f"{row!r} is no list of values", remedy)
         if not len(row):
             raise ArmDesignError(path, "has no values", "give some, or leave the path out")
-    _refuse_many(math.prod(len(row) for row in values.values()))
+    refuse_many(math.prod(len(row) for row in values.values()))
     paths = list(values)
     return [dict(zip(paths, row, strict=True)) for row in itertools.product(*values.values())]
 
@@ -84,7 +84,7 @@ def sobol_changes(
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise ArmDesignError("sobol count", f"{count!r} is not allowed", "give a whole number ≥ 1")
     refuse_unless_seed(seed)
-    _refuse_many(count)
+    refuse_many(count)
     for path, ends in ranges.items():
         if not _is_range(ends):
             fault = f"{ends!r} is no range"
@@ -134,7 +134,7 @@ def all_changes(
     if isinstance(changes, Mapping):
         return grid_changes(changes)
     listed = list(changes)
-    _refuse_many(len(listed))
+    refuse_many(len(listed))
     for one in listed:
         if not isinstance(one, Mapping):
             fault, remedy = f"{one!r} is no case", "give values by key path"
@@ -142,7 +142,8 @@ def all_changes(
     return listed
 
 
-def _refuse_many(count: int) -> None:
+def refuse_many(count: int) -> None:
+    """Raise for no cases, or more than anybody waits for."""
     if not 0 < count <= MOST:
         fault = f"{count} cases are not allowed"
         raise ArmDesignError("changes", fault, f"give 1 to {MOST}")
@@ -150,7 +151,7 @@ def _refuse_many(count: int) -> None:
 
 def _value(text: str) -> Any:
     """What a field of a CSV file says: a number, true or false, or a text."""
-    for kind in (int, float):
+    for kind in (int, float) if NUMBER.fullmatch(text) else ():
         try:
             return kind(text)
         except ValueError:

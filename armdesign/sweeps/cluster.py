@@ -6,20 +6,23 @@ of a dead worker to others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
 from armdesign.errors import ArmDesignError
 from armdesign.sweeps.cases import Case
-from armdesign.sweeps.worker import Outcome, Study, answer, died, forget, prepare
+from armdesign.sweeps.worker import Outcome, Study, answer, died, forget, is_prepared, prepare
 
 PATIENCE = 10.0  # [s] for which a scheduler may be silent at the start
 PREFIX = "armdesign-"
+PAUSE, PAUSES = 0.2, 50  # [s] of a worker that has no study, before it passes a case on; how often
 
 
 def on_cluster(
-    study: Study, cases: Sequence[Case], address: str
+    study: Study, cases: Sequence[Case], address: str, died_at: Callable[[Case], None]
 ) -> Iterator[tuple[Case, Outcome]]:
     """Cases with their outcomes, as they come.
 
@@ -27,6 +30,7 @@ def on_cluster(
         study: what the cases share.
         cases: the cases.
         address: of the scheduler, as ``tcp://host:8786``.
+        died_at: told each case that the scheduler gives to another because its worker died.
 
     Raises:
         ArmDesignError: dask.distributed is missing, or the scheduler cannot be reached or is gone.
@@ -36,18 +40,23 @@ def on_cluster(
     except ImportError:
         remedy = 'pip install "armdesign[cluster]"'
         raise ArmDesignError("--scheduler", "needs dask.distributed", remedy) from None
-    client = _client(address)
+    client, plugin = _client(address), f"{PREFIX}{study.name}"
+    lost = deque[str]()
     try:
-        client.register_plugin(_plugin(study), name=f"{PREFIX}{study.name}")
-        named = {f"{PREFIX}{case.key}": case for case in cases}
+        client.register_plugin(_plugin(study), name=plugin)
+        client.subscribe_topic("all", lambda event: lost.extend(_lost(event)))
+        named = {f"{plugin}-{case.key}": case for case in cases}
         futures = [
-            client.submit(answer, study.name, case, key=name, pure=False)
+            client.submit(_answered, study.name, case, key=name, pure=False)
             for name, case in named.items()
         ]
         for future in as_completed(futures, loop=client.loop):
+            while lost:
+                if (name := lost.popleft()) in named:
+                    died_at(named[name])
             yield named[str(future.key)], _outcome(future, address)
             future.release()
-        client.unregister_worker_plugin(f"{PREFIX}{study.name}")
+        client.unregister_worker_plugin(plugin)
     finally:
         client.close(timeout=PATIENCE)  # which drops what is still to do
 
@@ -75,6 +84,34 @@ def _plugin(study: Study) -> Any:
             forget(study)
 
     return Prepared()
+
+
+_passed_on: Counter[str] = Counter()  # cases that this worker could not answer
+
+
+def _answered(name: str, case: Case) -> Outcome:
+    """The outcome of a case; a worker that could not take the study leaves it to others.
+
+    It says why in its own log. Where the case comes back again and again, it has no other.
+    """
+    from distributed import Reschedule
+
+    if is_prepared(name):
+        return answer(name, case)
+    _passed_on[case.key] += 1
+    if _passed_on[case.key] > PAUSES:
+        words = "its worker could not take the study, as its log says: is it of another version?"
+        return Outcome(answer={}, seconds=0.0, error=words, final=False)
+    time.sleep(PAUSE)
+    raise Reschedule
+
+
+def _lost(event: tuple[float, Any]) -> Iterable[str]:
+    """Keys of the cases under way on a worker that an event of the scheduler says has died."""
+    message = event[1]
+    if not isinstance(message, dict) or message.get("action") != "remove-worker":
+        return ()
+    return map(str, () if message.get("expected") else message.get("processing-tasks") or ())
 
 
 def _outcome(future: Any, address: str) -> Outcome:

@@ -10,18 +10,19 @@ from numbers import Integral
 from operator import index
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
+from uuid import uuid4
 
 from armdesign.arguments import MOST_WORKERS, checked, refuse_unless, with_options
 from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
-from armdesign.journal.finished import Form, all_finished
+from armdesign.journal.finished import Form, all_finished, is_keeping
 from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
 from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
-from armdesign.sweeps.cases import Case, Changes, all_changes, sobol_changes
+from armdesign.sweeps.cases import Case, Changes, all_changes, refuse_many, sobol_changes
 from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
@@ -130,10 +131,16 @@ def sweep(
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
         refuse_options(task, one)
-    study = _study(_machines(machine), task, shared, workspace, points)
+    for name in {name for one in sets for name in one}.intersection(COLUMNS):
+        fault = "is the name of another column"
+        raise ArmDesignError(f"options.{name}", fault, "give it another name")
+    kept = more["journal"] is not None or is_keeping()
+    identity = identity_of(task) if kept or isinstance(task, str) else uuid4().hex
+    study = _study(_machines(machine), (task, identity), shared, workspace, points)
+    refuse_many(len(study.machines) * len(more["payloads"] or [0]) * len(chosen) * len(sets))
     cases = list(_cases(study, chosen, more["payloads"], sets))
     run = _CaseRunner(
-        study=replace(study, columns=frozenset([*COLUMNS, *paths_of(cases)])),
+        study=replace(study, name=uuid4().hex, columns=frozenset([*COLUMNS, *paths_of(cases)])),
         workers=workers,
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),
@@ -237,7 +244,7 @@ class _CaseRunner:
         if self.scheduler is not None:
             from armdesign.sweeps.cluster import on_cluster
 
-            yield from on_cluster(self.study, cases, self.scheduler)
+            yield from on_cluster(self.study, cases, self.scheduler, self._died)
         elif self.workers > 1:
             from armdesign.sweeps.processes import on_processes
 
@@ -280,12 +287,15 @@ def _machines(
 
 def _study(
     machines: Mapping[str, Machine],
-    task: str | Task,
+    task: tuple[str | Task, str],
     options: Mapping[str, Any],
     workspace: Workspace | None,
     points: Any,
 ) -> Study:
-    """Data that all cases share, with their digest as name."""
+    """Data that all cases share; its name says what of it but the machines decides answers.
+
+    ``task`` has its identity beside it.
+    """
     if points is not None:
         one = isinstance(points, Integral)
         points = index(points) if one else [index(count) for count in points]
@@ -293,15 +303,15 @@ def _study(
     if workspace is not None:
         poses += [[axis.tolist() for axis in workspace.axes], workspace.end_margin, workspace.kind]
     try:
-        shared = canonical([version("armdesign"), identity_of(task), dict(options), poses, points])
+        shared = canonical([version("armdesign"), task[1], dict(options), poses, points])
     except TypeError as error:
         fault, remedy = f"cannot be written down ({error})", "give numbers, texts and lists"
         raise ArmDesignError("options", fault, remedy) from None
     return Study(
-        name=digest([shared, [one.identity for one in machines.values()]]),
+        name=digest(shared),
         version=version("armdesign"),
         machines=machines,
-        task=task,
+        task=task[0],
         options=options,
         workspace=workspace,
         points=points,
@@ -338,6 +348,9 @@ def _changes(
         {f"requirements.{name}": value for name, value in rules.items()}
         for rules in requirements or [{}]
     ]
+    refuse_many(len(chosen) * len(sets))
+    for path in {p for one in chosen for p in one} & {p for rules in sets for p in rules}:
+        raise ArmDesignError(path, "is given in changes and in requirements", "give it once")
     return [{**changes, **rules} for changes in chosen for rules in sets]
 
 

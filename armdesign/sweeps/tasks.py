@@ -12,6 +12,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.sweeps import numbers
 from armdesign.sweeps.numbers import Numbers
+from armdesign.sweeps.reach import identity_of_function
 from armdesign.units import bar
 
 Task = Callable[..., Numbers]
@@ -114,24 +115,15 @@ def task_named(name: str) -> Task:
 
 
 def identity_of(task: str | Task) -> str:
-    """Identity of a task: its name, or a function's name and all of the file that has it.
+    """Identity of a task: its name, or a function's code and all of the user's that it reaches.
 
     Raises:
-        ArmDesignError: a function whose source does not say all that it does.
+        ArmDesignError: a function that holds or reads what cannot be written down.
     """
     if isinstance(task, str):
         task_named(task)
         return task
-    name = getattr(task, "__qualname__", "task")
-    if getattr(task, "__closure__", None) or not inspect.isfunction(task):
-        fault = "holds values that its source does not show"
-        raise ArmDesignError(name, fault, "give a plain function, and values as options")
-    try:
-        lines, _ = inspect.findsource(task)
-    except (OSError, TypeError):
-        fault = "has no source by which its answers could be known again"
-        raise ArmDesignError(name, fault, "define it in a file") from None
-    return f"{task.__module__}.{name}\n{''.join(lines)}"
+    return identity_of_function(task)
 
 
 def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:

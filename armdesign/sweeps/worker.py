@@ -34,7 +34,7 @@ class Study:
     """Data that all cases of a sweep share; it travels once to each worker.
 
     Attributes:
-        name: digest of it.
+        name: by which workers know it; of its run alone.
         version: of the package that made it.
         machines: machines that are changed, by name.
         task: name of a task, or a function of machine, workspace and options.
@@ -66,7 +66,8 @@ class Outcome(Entry):
 
 
 _studies: dict[str, Study] = {}
-_one_at_a_time = threading.Lock()  # threads of one worker process
+# threads of one worker process; a task may sweep itself
+_one_at_a_time = threading.RLock()
 
 
 def prepare(study: Study) -> None:
@@ -89,6 +90,11 @@ def prepare_process(study: Study, parent: int) -> None:
     prepare(study)
 
 
+def is_prepared(name: str) -> bool:
+    """Whether this process has the study of a name."""
+    return name in _studies
+
+
 def forget(study: Study) -> None:
     """Drop a study."""
     _studies.pop(study.name, None)
@@ -105,7 +111,7 @@ def answer(name: str, case: Case) -> Outcome:
             numbers = _answer(_studies[name], case)
         except ArmDesignError as error:
             return Outcome(answer={}, seconds=time.perf_counter() - start, error=str(error))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             words = f"{type(error).__name__}: {error}"
             return Outcome(
                 answer={}, seconds=time.perf_counter() - start, error=words, final=False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import shutil
@@ -93,8 +94,30 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
     other.close()
     with pytest.raises(ArmDesignError, match="is no journal"):
         opened(path)
-    with pytest.raises(ArmDesignError, match="cannot be"):
-        opened(tmp_path)
+    os.mkfifo(tmp_path / "fifo")
+    for place in (tmp_path, tmp_path / "fifo", Path("/dev/null"), Path("")):
+        with pytest.raises(ArmDesignError, match="is no regular file"):
+            opened(place)
+
+
+@pytest.mark.parametrize("name", [":memory:", "file:j"])
+def test_a_name_is_that_of_a_file_whatever_sqlite_reads_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    filled(Path(name), 2)
+    assert Path(name).is_file()
+    with opened(Path(name)) as journal:
+        assert len(journal.entries()) == 2
+
+
+def test_a_text_that_is_none_any_more_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "j.sqlite"
+    filled(path, 1)
+    with contextlib.closing(sqlite3.connect(path)) as other, other:
+        other.execute("UPDATE cases SET name = CAST(x'ff61' AS TEXT)")
+    with opened(path) as journal, pytest.raises(ArmDesignError, match="is damaged"):
+        journal.entries()
 
 
 @pytest.mark.parametrize(

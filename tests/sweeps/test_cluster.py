@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -69,7 +70,12 @@ def test_a_worker_killed_and_one_started_late_lose_and_double_nothing(tmp_path: 
         on_cluster = sweep(
             "paper_1dof", MODULI, points=5, scheduler=address, journal=journal, say=say
         )
-    assert messages == [f"{n} of 30 cases" for n in range(1, 31)]
+    again = [text for text in messages if text.startswith("a worker died; again: ")]
+    assert [text for text in messages if text not in again] == [
+        f"{n} of 30 cases" for n in range(1, 31)
+    ]
+    assert again == [f"a worker died; again: {name}" for name in on_cluster.retried]
+    assert again
     local = ad.sweep("paper_1dof", MODULI, points=5)
     kept = ad.sweep("paper_1dof", MODULI, points=5, journal=journal)
     assert kept.kept == 30
@@ -80,3 +86,45 @@ def test_a_worker_killed_and_one_started_late_lose_and_double_nothing(tmp_path: 
 def test_a_scheduler_that_is_not_there_is_named() -> None:
     with pytest.raises(ad.ArmDesignError, match=r"tcp://127\.0\.0\.1:9 cannot be reached"):
         ad.sweep("paper_1dof", MODULI, scheduler="tcp://127.0.0.1:9")
+
+
+def test_two_sweeps_of_one_study_on_one_scheduler(tmp_path: Path) -> None:
+    """The one that ends first leaves the other its workers; both have cases in common."""
+    few, many = ({"fluid.bulk_modulus_MPa": [900.0 + n for n in range(k)]} for k in (8, 40))
+    with dask(tmp_path) as (address, worker):
+        worker()
+        with ThreadPoolExecutor(2) as pool:
+            frames = list(
+                pool.map(
+                    lambda changes: (
+                        sweep("paper_1dof", changes, points=5, scheduler=address).frame
+                    ),
+                    (few, many),
+                )
+            )
+    assert [len(frame) for frame in frames] == [8, 40]
+    assert all((frame["error"] == "").all() for frame in frames)
+
+
+def test_a_late_worker_of_another_version_gets_no_case(tmp_path: Path) -> None:
+    """It has no study, as its log says, and passes its cases on."""
+    shim = "import importlib.metadata as m\nold = m.version\n"
+    shim += "m.version = lambda name: '0.0.9' if name == 'armdesign' else old(name)\n"
+    (tmp_path / "sitecustomize.py").write_text(shim)
+    with dask(tmp_path) as (address, worker):
+        worker()
+
+        def say(text: str) -> None:
+            if text.startswith("2 of"):
+                os.environ["PYTHONPATH"] = f"{tmp_path}:{before}"
+                worker()
+
+        before = os.environ.get("PYTHONPATH", "")
+        try:
+            many = {"fluid.bulk_modulus_MPa": [900.0 + n for n in range(300)]}
+            frame = sweep("paper_1dof", many, points=40, scheduler=address, say=say).frame
+        finally:
+            os.environ["PYTHONPATH"] = before
+    assert (frame["error"] == "").all()
+    logs = "".join(path.read_text() for path in tmp_path.glob("dask_worker-*.log"))
+    assert "has armdesign 0.0.9" in logs

@@ -7,7 +7,9 @@ import linecache
 import os
 import re
 import signal
+import sys
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -316,16 +318,59 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": {"a": (1, 2)}, "sobol": 4, "seed": -1}, "seed: -1 is not allowed"),
         ({"points": 3, "outputs": ["worst_hz", "worst"]}, "no case has 'worst'"),
         ({"machine": ["paper_1dof", "paper_1dof"]}, "one name"),
-        ({"task": lambda machine, workspace: {}}, "file"),
+        ({"task": scaled, "options": [{"seconds": 1.0}]}, "seconds"),
+        ({"changes": {"a": range(10**4)}, "requirements": [{}] * 10**3}, "10000000 cases"),
+        (
+            {"changes": {"requirements.lift_share": [1]}, "requirements": [{"lift_share": 1}]},
+            "requirements.lift_share: is given in changes and in requirements",
+        ),
     ],
 )
 def test_what_keeps_all_cases_from_an_answer_is_one_line(
     arguments: dict[str, Any], message: str
 ) -> None:
-    if message == "file":
-        value = 1.0
-        arguments = {"task": lambda machine, workspace: {"x": value}}
-        message = "holds values"
     with pytest.raises(ad.ArmDesignError, match=message) as caught:
         ad.sweep(**{"machine": "paper_1dof", **arguments})
     assert "\n" not in str(caught.value)
+
+
+def test_a_sweep_within_a_task() -> None:
+    def task(machine: ad.Machine, workspace: ad.Workspace) -> Mapping[str, Any]:
+        inner = ad.sweep(machine, MODULI, modulus, points=3)
+        return {"most": inner.frame["modulus"].max()}
+
+    assert ad.sweep("paper_1dof", task=task, points=3).frame["most"].tolist() == [1.4e9]
+
+
+def test_a_task_that_ends_the_program_fails_its_case_alone() -> None:
+    def task(machine: ad.Machine, _: ad.Workspace) -> Mapping[str, Any]:
+        if machine.section.fluid.bulk_modulus_MPa == 1000.0:
+            sys.exit("no licence")
+        return {"x": 1}
+
+    frame = ad.sweep("paper_1dof", MODULI, task, points=3).frame
+    assert frame["error"].tolist() == ["", "SystemExit: no licence", "", ""]
+
+
+def test_two_sweeps_of_one_study_at_a_time() -> None:
+    """As they end, neither takes the study from the other."""
+    with ThreadPoolExecutor(2) as pool:
+        frames = list(pool.map(lambda _: ad.sweep("paper_1dof", MODULI, modulus).frame, range(4)))
+    assert all((frame["error"] == "").all() for frame in frames)
+
+
+def test_a_machine_more_or_fewer_keeps_what_a_journal_has(tmp_path: Path) -> None:
+    path = tmp_path / "j.sqlite"
+    for machines, kept in ((["paper_1dof"], 0), (["paper_1dof", "patu_boom"], 1)):
+        assert ad.sweep(machines, task=modulus, points=3, journal=path).kept == kept
+    assert ad.sweep("patu_boom", task=modulus, points=3, journal=path).kept == 1
+    changed = ad.load("paper_1dof").replace({"fluid.bulk_modulus_MPa": 900.0})
+    with pytest.raises(ad.ArmDesignError, match=r"another state of paper_1dof: paper_1dof\.toml;"):
+        ad.sweep(changed, task=modulus, points=3, journal=path)
+
+
+def test_fields_are_numbers_as_the_machine_file_has_them(tmp_path: Path) -> None:
+    """Python's ``1_000`` is none."""
+    path = tmp_path / "c.csv"
+    path.write_text("a\n1_000\n12\n1.5e1\nnan\ntrue\n")
+    assert [one["a"] for one in csv_changes(path)] == ["1_000", 12, 15.0, "nan", True]
