@@ -5,6 +5,8 @@ import os
 import signal
 import sys
 
+from armdesign.streams import replace_closed
+
 THREADS = "OPENBLAS_NUM_THREADS"  # matrices have ten to a hundred rows: more threads only wait
 COLLECTED = 500_000, 10, 10  # as ``gc.set_threshold``: a run of seconds hardly looks for cycles
 
@@ -15,6 +17,7 @@ def main() -> None:
     When a command has ended there is nothing left to interrupt: Ctrl-C while Python ends is
     ignored. Nor are cycles looked for then: the system takes all memory back at once.
     """
+    replace_closed()
     gc.set_threshold(*COLLECTED)
     os.environ.setdefault(THREADS, "1")
     try:

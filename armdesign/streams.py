@@ -22,18 +22,15 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     return "".join(plain), error.end
 
 
-def _replace_closed() -> None:
+def replace_closed() -> None:
     """Put nothing in the place of streams that were closed, as by ``>&-``: workers need some.
 
-    Under their own numbers, if free: what else opens a file must not be given these.
+    At the very beginning: under their own numbers, which nothing else must be given.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
-            place = os.open(os.devnull, os.O_RDWR)
-            try:
-                os.fstat(number)
-            except OSError:
-                place = os.dup2(place, number)
+            place = os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+            os.set_inheritable(place, True)
             mode = "w" if number else "r"
             setattr(sys, name, open(place, mode, encoding="utf-8"))  # noqa: SIM115
 
@@ -44,7 +41,6 @@ def printing() -> Iterator[None]:
 
     A pipe that nobody reads any more ends the program without a word.
     """
-    _replace_closed()
     codecs.register_error("armdesign", _in_ascii)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

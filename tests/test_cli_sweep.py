@@ -207,6 +207,6 @@ def test_words_of_a_study_are_no_formulas(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
 def test_several_workers_need_no_open_streams(tmp_path: Path, closed: str) -> None:
     words = f"sweep {written(tmp_path)} --out {tmp_path / 'out'} --workers 2 {closed}"
-    done = subprocess.run([*"sh -c".split(), f"exec {' '.join(ARMDESIGN)} {words}"], check=False)
+    done = subprocess.run([*["sh", "-c"], f"exec {' '.join(ARMDESIGN)} {words}"], check=False)
     assert done.returncode == 0
     assert len(read(tmp_path / "out")) == 9
