@@ -169,7 +169,7 @@ class _Between:
         Where these are far from the interpolated ones, poses about are computed as well.
         """
         exact = _computed(self.machine, q)
-        off = np.abs(points[:, 2] / exact[:, 2] - 1) > INEXACT
+        off = np.abs(points[:, 2] - exact[:, 2]) > INEXACT * exact[:, 2]
         q, points = q[off], exact[off]
         for width in WIDTHS:
             led = self._led_back(q, points, cells, (width,))

@@ -126,7 +126,7 @@ def plan_move(
 
     def planned(share: float) -> Move:
         fastest = [fastest_leg(model, *pair, share) for pair in pairwise(poses)]
-        legs = fastest if duration is None else _within(model, fastest, duration)
+        legs = fastest if duration is None else _within(model, fastest, duration, share)
         way = way_modes(model, legs)
         shaper, paces = options["shaper"], None
         if isinstance(shaper, str):
@@ -176,7 +176,7 @@ def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> Non
         raise ArmDesignError(f"{machine.name}: move: modes", fault, f"give {near}")
 
 
-def _within(machine: Machine, legs: Sequence[Leg], duration: float) -> list[Leg]:
+def _within(machine: Machine, legs: Sequence[Leg], duration: float, share: float) -> list[Leg]:
     """The legs within a duration [s], refused if it is shorter than they are, or of no use."""
     shortest = sum(leg.law.duration for leg in legs)
     factor, longest = duration / shortest, max(SLOWEST * shortest, PATIENT)
@@ -187,8 +187,9 @@ def _within(machine: Machine, legs: Sequence[Leg], duration: float) -> list[Leg]
         raise ArmDesignError(part, fault, remedy)
     if not factor >= 1 - ROUNDING:
         flow = f"{machine.supply.flow / l_per_min:.0f} l/min, its valves and pressures"
-        fault = f"{duration:.3g} s is faster than the pump's {flow} allow"
-        remedy = f"give {math.ceil(100 * shortest) / 100:.2f} s or more"
+        fault = f"{duration:.3g} s is faster than {share:g} of the pump's {flow} allow"
+        more = " or, up to 1, a larger --share (in Python share)" if share < 1 else ""
+        remedy = f"give {math.ceil(100 * shortest) / 100:.2f} s or more{more}"
         raise ArmDesignError(part, fault, remedy)
     return [leg.stretched(max(factor, 1.0)) for leg in legs]
 

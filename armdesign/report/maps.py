@@ -126,7 +126,7 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
     rows = []
     for cylinder in frequencies.machine.actuators:
-        limits, ratios = frequencies.limiting == cylinder.name, []
+        limits, ratios = (frequencies.limiting == cylinder.name) & (frequencies.lowest > 0), []
         for formula in ("locked", "rigid"):
             simpler = frequencies.columns[f"{formula}_{cylinder.name}_hz"]
             ratio = simpler[limits] / frequencies.lowest[limits]

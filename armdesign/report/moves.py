@@ -24,8 +24,9 @@ def move_sheets(move: Move, units: Units = WORKSHOP) -> list[Sheet | str]:
     shaped = f"and {longer:.3g} s more as it is shaped by {move.shaper.words}"
     shaper = shaped if move.shaper.delay else "without a shaper"
     begin = (
-        f"The move takes {move.duration:.3g} s, {shaper}; pump ({flow}), valves and pressures"
-        f" allow {move.shortest:.3g} s at the shortest."
+        f"The move takes {move.duration:.3g} s, {shaper}; {move.share:g} of the pump's {flow}"
+        f" and of the force that pressures leave (--share) allow {move.shortest:.3g} s at the"
+        " shortest."
     )
     return [begin, _runs(move, units), _shapers(move), *_remarks(move)]
 

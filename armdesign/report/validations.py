@@ -13,6 +13,7 @@ from armdesign.report.sheet import Sheet
 from armdesign.units import percent, share_text
 
 if TYPE_CHECKING:
+    from armdesign.errors import SimulationError
     from armdesign.simulation.sweeps import FittedMode, SweptMode
     from armdesign.simulation.validation import Validation
 
@@ -63,7 +64,14 @@ def _reasons(sweep: SweptMode) -> list[str]:
 
     both = (sweep, sweep.with_friction if isinstance(sweep, FittedMode) else None)
     errors = [one.error for one in both if isinstance(one, Failure)]
-    return [f"{one.fault}; {one.remedy}" if one.remedy else one.fault for one in errors]
+    return [_cause(error) for error in errors]
+
+
+def _cause(error: SimulationError) -> str:
+    """Fault and remedy, with the part where it is another than the sweep's cylinder."""
+    part = error.part.rpartition(": ")[2]
+    fault = f"{part} is missing" if error.fault == "missing" else error.fault
+    return f"{fault}; {error.remedy}" if error.remedy else fault
 
 
 def _note(friction: bool) -> str:
@@ -92,7 +100,7 @@ def validation_chart(validation: Validation, colours: Mapping[str, str]) -> Char
         curves[run.cylinder].append(run)
     ends = [run.linear_frequency for run in validation.runs]
     return Chart(
-        title="Measured over linear natural frequency, every sweep",
+        title="Simulated over linear natural frequency, every sweep",
         x="linear natural frequency [Hz]",
         y="deviation [%]",
         heads=("sweep", "linear, measured", "deviation", "damping ratio", "remark"),
@@ -158,7 +166,7 @@ def verdict(validations: Sequence[Validation]) -> str:
         deviation += f", with dry friction {_largest(dry) if dry else 'not known'}"
     if len(dry) < len(repeated):
         deviation += f": {len(dry)} of {len(repeated)} repetitions show a mode"
-    usual = all("worst" in validation.by_pose for validation in validations)
+    usual = any("worst" in validation.by_pose for validation in validations)
     poses = "the worst, the median and the best pose" if usual else "each given pose"
     counted = f"{agree} of {agree + remarks.total()} sweeps agree{others}"
     return f"{counted} (every cylinder at {poses}){deviation}"

@@ -21,8 +21,12 @@ def with_pose(window: IdentifiedWindow, machine: Machine) -> IdentifiedWindow:
     """The window with its pose and what trapped oil would show there.
 
     Without a pose, and with the reason, if the recording tells none that the machine can take.
+    Where a length tells a joint's position, its mean is the one that stays.
     """
     columns = joint_columns(machine)
+    twice = {column.own for column in columns if window.means.keys() & column.lengths.keys()}
+    means = {name: mean for name, mean in window.means.items() if name not in twice}
+    window = replace(window, means=means)
     places = {column.name: _place(column, window.means, machine) for column in columns}
     remarks = {name: words for name, (_, words) in places.items() if words}
     positions = [position for position, _ in places.values() if position is not None]

@@ -95,7 +95,7 @@ def test_what_is_left_is_counted_about_the_drift(damping: float) -> None:
     [
         (
             {"duration": 0.1},
-            r"duration: 0.1 s is faster than the pump's .* give 0\.\d\d s or more",
+            r"duration: 0.1 s is faster than 0\.7 of the pump's .* give 0\.\d\d s or more",
         ),
         ({"shaper": "zvdd"}, 'shaper zvdd: there is no such kind; did you mean "zvd"?'),
         ({"end": [-0.2]}, "move: no piston moves between the poses; give two poses that differ"),

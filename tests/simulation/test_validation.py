@@ -259,6 +259,10 @@ def test_what_fails_is_told_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch
     twice = validation_sheet({label: validation.by_pose["1"] for label in ("a", "b")}).note
     assert "Failed: a, load, lift; b, load, lift: needs" in twice
     assert twice.count("Failed: ") == 1
+    lacking = SimulationError("m: cylinder.tilt.valve", "missing", "add it")
+    failure = replace(validation.failures[0], error=lacking)
+    note = validation_sheet({"a": Validation(validation.joints, (failure,))}).note
+    assert "Failed: a, load, lift: cylinder.tilt.valve is missing; add it" in note
     assert "2 of 3 sweeps agree" in verdict([validation])
     assert "1 failed" in verdict([validation])
     assert "(every cylinder at each given pose)" in verdict([validation])
