@@ -12,7 +12,8 @@ import importlib
 import inspect
 import sys
 import sysconfig
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -67,8 +68,13 @@ class _Reached:
             return repr(value)
         if isinstance(value, list | tuple):
             return [self.of(one, name) for one in value]
-        if isinstance(value, dict):
+        if isinstance(value, set | frozenset):
+            return sorted(map(repr, value))
+        if isinstance(value, Mapping):
             return [[repr(key), self.of(one, name)] for key, one in value.items()]
+        if is_dataclass(value) and not hasattr(value, "identity"):
+            inside = [[one.name, self.of(getattr(value, one.name), name)] for one in fields(value)]
+            return [self.of(type(value), name), inside]
         try:
             return canonical(value)
         except (TypeError, ValueError):

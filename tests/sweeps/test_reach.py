@@ -19,9 +19,14 @@ import functools
 import math
 
 import reached_helper
+import tomlkit
+
+import armdesign as ad
 from reached_helper import Law
 
 FACTOR = 2.0
+TABLE = tomlkit.parse("plus = [1, 2]")
+WORKSPACE = ad.Workspace.grid(ad.load("paper_1dof"), points=3)
 
 
 @functools.lru_cache
@@ -37,7 +42,9 @@ cubed = functools.partial(power, n=3)
 
 
 def task(machine, workspace, share=0.5):
-    return {"x": inner(FACTOR) + Law.n + cubed(reached_helper.scaled(share)) + math.pi}
+    assert workspace is not WORKSPACE
+    law = TABLE["plus"][0] + inner(FACTOR) + Law.n + cubed(reached_helper.scaled(share))
+    return {"x": law + math.pi}
 """
 Loaded = Callable[..., Any]
 
@@ -77,6 +84,8 @@ def test_it_is_the_same_for_the_same_code(loaded: Loaded) -> None:
         ("FACTOR = 2.0", "FACTOR = 2.5"),
         ("plus=1", "plus=2"),
         ("n=3", "n=2"),
+        ("plus = [1, 2]", "plus = [2, 2]"),
+        ("points=3", "points=4"),
         ("x**n", "x*n"),
         ("share=0.5", "share=0.25"),
         ("x + plus", "x - plus"),
