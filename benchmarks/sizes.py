@@ -46,12 +46,15 @@ def main() -> None:
     least_amounts(machine, workspace)
 
 
+def wider(machine: ad.Machine) -> ad.Requirements:
+    """Its requirements with room for the steps of a catalogue, which its own have not."""
+    own = ad.Requirements.of(machine)
+    return replace(own, oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3)
+
+
 def enumeration(machine: ad.Machine) -> None:
     """Sizes of a catalogue beside all combinations of them."""
-    small = ad.Workspace.grid(machine, points=(5, 5, 9))
-    limits = replace(
-        ad.Requirements.of(machine), oil_total_share=1.1, oil_each_share=1.3, thrust_share=1.3
-    )
+    small, limits = ad.Workspace.grid(machine, points=(5, 5, 9)), wider(machine)
     sizes = sizes_of([(bore * mm, rod * mm) for bore in BORES for rod in RODS])
     best = best_of(lambda: select(allowed_sizes(machine, machine, small, limits, sizes)))
     slow = best_of(lambda: enumerated(machine, small, limits, sizes), 1)
@@ -66,21 +69,24 @@ def catalogues(machine: ad.Machine, workspace: ad.Workspace) -> None:
     """Sizes, and sizes and pins, of the catalogues."""
     for catalogue in ("iso", "5mm"):
         for label, action in (("sizes", ad.size_cylinders), ("sizes and pins", ad.optimize)):
-            best = best_of(partial(action, machine, workspace, catalogue=catalogue), 1)
+            best = best_of(
+                partial(action, machine, workspace, wider(machine), catalogue=catalogue), 1
+            )
             design = best.result
             gain = design.after.frame["f1_hz"].min() / design.before.frame["f1_hz"].min() - 1
             print(f"{catalogue}, {label}: {gain:+.1%}, {words(best)}")
 
 
 def least_amounts(machine: ad.Machine, workspace: ad.Workspace) -> None:
-    """Least oil, flow and mass for today's frequency."""
+    """Least oil, flow and mass for today's frequency, both of the values of the file."""
+    least = partial(ad.least, machine, workspace, bands=ad.Bands())
     today = ad.frequency_map(machine, workspace).frame["f1_hz"].min()
     for amount, name in (
         ("oil", "oil_total_share"),
         ("flow", "oil_each_share"),
         ("mass", "cylinder_mass"),
     ):
-        best = best_of(partial(ad.least, machine, workspace, frequency=today, of=amount), 1)
+        best = best_of(partial(least, frequency=today, of=amount), 1)
         print(
             f"today's frequency with least {amount}: {name}"
             f" {getattr(best.result.requirements, name):.4g}, {words(best)}"
