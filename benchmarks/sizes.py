@@ -79,7 +79,7 @@ def catalogues(machine: ad.Machine, workspace: ad.Workspace) -> None:
 
 def least_amounts(machine: ad.Machine, workspace: ad.Workspace) -> None:
     """Least oil, flow and mass for today's frequency, both of the values of the file."""
-    least = partial(ad.least, machine, workspace, bands=ad.Bands())
+    least = partial(ad.least, machine, workspace, wider(machine), bands=ad.Bands())
     today = ad.frequency_map(machine, workspace).frame["f1_hz"].min()
     for amount, name in (
         ("oil", "oil_total_share"),
