@@ -35,7 +35,7 @@ def plain_text(text: str) -> str:
 
 
 def plain_cells(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with every text in its heads and cells as ``plain_text``."""
+    """The table with every text in its heads and cells as ``plain_text``, and printable."""
     plain = table.map(lambda cell: plain_text(printable(cell)) if isinstance(cell, str) else cell)
     return plain.rename(columns=lambda name: plain_text(printable(str(name))))
 

@@ -103,7 +103,7 @@ def validation_chart(validation: Validation, colours: Mapping[str, str]) -> Char
         title="Simulated over linear natural frequency, every sweep",
         x="linear natural frequency [Hz]",
         y="deviation [%]",
-        heads=("sweep", "linear, measured", "deviation", "damping ratio", "remark"),
+        heads=("sweep", "linear, fitted", "deviation", "damping ratio", "remark"),
         curves=(
             *(
                 Curve(

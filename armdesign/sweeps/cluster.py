@@ -86,7 +86,7 @@ def _plugin(study: Study) -> Any:
     return Prepared()
 
 
-_passed_on: Counter[str] = Counter()  # cases that this worker could not answer
+_passed_on: Counter[tuple[str, str]] = Counter()  # studies and cases that this worker left
 
 
 def _answered(name: str, case: Case) -> Outcome:
@@ -98,8 +98,8 @@ def _answered(name: str, case: Case) -> Outcome:
 
     if is_prepared(name):
         return answer(name, case)
-    _passed_on[case.key] += 1
-    if _passed_on[case.key] > PAUSES:
+    _passed_on[name, case.key] += 1
+    if _passed_on[name, case.key] > PAUSES:
         words = "its worker could not take the study, as its log says: is it of another version?"
         return Outcome(answer={}, seconds=0.0, error=words, final=False)
     time.sleep(PAUSE)
