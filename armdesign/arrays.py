@@ -21,29 +21,32 @@ CHUNK = 14_000
 
 
 class ReadOnly:
-    """Base of dataclasses whose arrays, also in mappings and tuples, cannot be written to."""
+    """Base of dataclasses whose arrays, also in mappings and tuples, cannot be written to.
+
+    They are views: the arrays of who made one stay his to write to.
+    """
 
     def __post_init__(self) -> None:
-        for value in vars(self).values():
-            _lock(value)
+        vars(self).update({name: _read_only(value) for name, value in vars(self).items()})
 
 
-def _lock(value: Any) -> None:
-    if isinstance(value, np.ndarray):
+def _read_only(value: Any) -> Any:
+    if isinstance(value, np.ndarray) and value.flags.writeable:
+        value = value.view()
         value.setflags(write=False)
-    elif isinstance(value, Mapping | tuple):
-        for one in value.values() if isinstance(value, Mapping) else value:
-            _lock(one)
+    elif type(value) is tuple:
+        return tuple(map(_read_only, value))
+    elif type(value) is dict:
+        return {key: _read_only(one) for key, one in value.items()}
+    return value
 
 
 def read_only(method: Callable[[Any], T]) -> Callable[[Any], T]:
     """Decorator of what is computed once: arrays of the result cannot be written to."""
 
     @wraps(method)
-    def locked(self: Any) -> T:
-        result = method(self)
-        _lock(result)
-        return result
+    def locked(self: Any) -> Any:
+        return _read_only(method(self))
 
     return locked
 

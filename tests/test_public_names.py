@@ -110,3 +110,13 @@ def test_arrays_of_machines_maps_and_charts_are_read_only() -> None:
     results = (frequencies, frequencies.reach_map(9), poses, ad.natural_modes(poses))
     for result in (*results, ad.lift_chart(machine), workspace.rigid):
         assert list(written_to(result, type(result).__name__, set())) == []
+
+
+def test_arrays_of_users_stay_theirs_to_write_to() -> None:
+    """They were locked in place: a reach plane with pitch limits failed on its own poses."""
+    machine = ad.load("excavator_20t")
+    q = machine.ranges.mean(axis=1)[None].copy()
+    weights = np.array([0.4, 0.6])
+    shaper = ad.Shaper(times=np.arange(2.0), amplitudes=weights, name="two", low=1, high=2)
+    held = machine.arm.kinematics(q), machine.at(q), shaper
+    assert held and q.flags.writeable and weights.flags.writeable
