@@ -49,6 +49,7 @@ from armdesign.machine.machine import Machine
 AMOUNTS = {"oil": "oil_total_share", "flow": "oil_each_share", "mass": "cylinder_mass"}
 WIDEST = 4.0  # times today's amount
 GROWTH = 1.3  # of the amount, until it is enough
+LITTLE = 0.02  # of the amount: the first step to more where no sizes of a catalogue do
 NARROW = 3e-4  # bracket of the amount, relative
 LESS = 1e-6  # share by which the next combination of a catalogue must need less than the last
 NAMED = 3  # requirements named where a frequency is out of reach
@@ -197,7 +198,7 @@ class LeastAmount:
 
     def with_sizes(self, search: Search, sizes: Sizes) -> Search:
         """The least amount with sizes of a catalogue, from that with free sizes."""
-        best = self.search(with_sizes(search, sizes))
+        best = self.search(self._sized(search, sizes))
         for _ in range(TURNS):
             other = improve_in_turn(best, sizes)
             if other.problem.sizes == best.problem.sizes:
@@ -254,6 +255,23 @@ class LeastAmount:
             low, amount = amount, min(amount * GROWTH, WIDEST * self._today)
             search = self._search(amount, search)
         return search, low
+
+    def _sized(self, search: Search, sizes: Sizes) -> Search:
+        """Sizes near a search's free ones, or near those under more where no amount is enough.
+
+        Only where none is enough for any of them does the design miss a requirement.
+        """
+        found, more = with_sizes(search, sizes), LITTLE
+        while not self._can_do(found) and self._amount(search) < WIDEST * self._today:
+            amount = min(self._amount(search) * (1 + more), WIDEST * self._today)
+            search, more = self._search(amount, search), 2 * more
+            found = with_sizes(search, sizes)
+        return found
+
+    def _can_do(self, search: Search) -> bool:
+        """Whether its sizes meet all other requirements."""
+        widest = WIDEST * self._today
+        return search.violation <= MISSED or self._search(widest, search).violation <= MISSED
 
     def _select(self, amount: float, sizes: Sizes) -> tuple[Search, SizeSelection]:
         return sizes_for_pins(self._under(self.problem, amount), sizes)

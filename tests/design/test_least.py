@@ -252,6 +252,23 @@ def test_least_of_a_catalogue_with_pins_as_enumerated(kept: Requirements) -> Non
     assert design.after.frame["f1_hz"].min() >= frequency
 
 
+@pytest.mark.slow
+def test_more_where_no_sizes_do_with_what_free_sizes_need() -> None:
+    """Free sizes need less pump flow than today's for today's frequency, and no sizes of the
+    file's catalogue near them lift what they must: it ended in a conflict. Today's sizes do.
+    """
+    machine = ad.load("excavator_20t")
+    space = ad.Workspace.grid(machine, points=(3, 3, 5))
+    today = ad.frequency_map(machine, space).frame["f1_hz"].min()
+    design = ad.least(machine, space, frequency=today, of="flow", starts=1, bands=ad.Bands())
+    sizes, own = (
+        [(c.bore, c.rod) for c in one.cylinders] for one in (design.machine, design.today)
+    )
+    np.testing.assert_allclose(sizes, own, rtol=1e-12)
+    assert amount_of(design.machine, machine, "flow") == pytest.approx(1.0, abs=1e-3)
+    assert design.after.frame["f1_hz"].min() >= today
+
+
 def test_no_combination_is_enough() -> None:
     with pytest.raises(
         InfeasibleError, match=r"9 Hz is out of reach: the other requirements allow [\d.]+ Hz"
