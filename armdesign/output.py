@@ -338,7 +338,7 @@ def show(items: Sequence[Sheet | str]) -> None:
 
 
 def _print(items: Sequence[Sheet | str], console: Console) -> None:
-    from armdesign.report.sheet import rich_table
+    from armdesign.report.terminal_table import terminal_table
 
     for i, item in enumerate(items):
         if isinstance(item, str):
@@ -346,6 +346,6 @@ def _print(items: Sequence[Sheet | str], console: Console) -> None:
             continue
         console.print(item.title, style="bold")
         if item.rows:
-            console.print(rich_table(item))
+            console.print(terminal_table(item, console.width), crop=False)
         if item.note:
             console.print(f"{item.note}\n", style="italic")

@@ -14,12 +14,8 @@ from armdesign.machine.poses import pose_text
 from armdesign.units import WORKSHOP, Units
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from armdesign.frequency.worst_frequency import WorstPose
     from armdesign.machine.machine import Machine
-
-MANY = 9  # columns stand closer together
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,28 +64,3 @@ def dimensions(cylinder: Cylinder, units: Units) -> tuple[str, ...]:
     lengths = (cylinder.bore, cylinder.rod, cylinder.stroke, cylinder.closed_length)
     bore, *others = (units.number(length, "m") for length in lengths)
     return (count + bore, *others)
-
-
-def rich_table(sheet: Sheet) -> Table:
-    """A sheet as a table for the terminal, without title and note, which may be wider."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text  # a unit in brackets looks like markup
-
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        padding=(0, 1) if len(sheet.columns) < MANY else (0, 1, 0, 0),
-        show_header=bool(sheet.columns),
-    )
-    for index, column in enumerate(sheet.columns or ("", "")):
-        wraps = not sheet.columns or column in sheet.words
-        table.add_column(
-            Text(column.replace(" [", "\n[")),
-            justify="left" if index == 0 or wraps else "right",
-            no_wrap=not wraps,
-            overflow="fold" if wraps else "ellipsis",  # of a word longer than the column
-        )
-    for index, row in enumerate(sheet.rows):
-        table.add_row(*map(Text, row), style="bold" if index in sheet.bold else None)
-    return table

@@ -13,7 +13,6 @@ from armdesign.report.sheet import Sheet
 from armdesign.units import percent, share_text
 
 if TYPE_CHECKING:
-    from armdesign.errors import SimulationError
     from armdesign.simulation.sweeps import FittedMode, SweptMode
     from armdesign.simulation.validation import Validation
 
@@ -64,14 +63,7 @@ def _reasons(sweep: SweptMode) -> list[str]:
 
     both = (sweep, sweep.with_friction if isinstance(sweep, FittedMode) else None)
     errors = [one.error for one in both if isinstance(one, Failure)]
-    return [_cause(error) for error in errors]
-
-
-def _cause(error: SimulationError) -> str:
-    """Fault and remedy, with the part where it is another than the sweep's cylinder."""
-    part = error.part.rpartition(": ")[2]
-    fault = f"{part} is missing" if error.fault == "missing" else error.fault
-    return f"{fault}; {error.remedy}" if error.remedy else fault
+    return ["; ".join(filter(None, (error.fault, error.remedy))) for error in errors]
 
 
 def _note(friction: bool) -> str:

@@ -128,7 +128,7 @@ def test_a_missing_valve_is_said() -> None:
     text = machine.text
     begin, end = text.index("[cylinder.lift.valve]"), text.index("[cylinder.lift.friction]")
     bare = ad.Machine.from_text(text[:begin] + text[end:], machine.urdf_text, machine.source)
-    with pytest.raises(ad.ArmDesignError, match=r"lift\.valve: missing"):
+    with pytest.raises(ad.ArmDesignError, match="cylinder lift has no valve"):
         ad.bandwidth_map(bare, damping=0.02)
 
 

@@ -130,7 +130,10 @@ def test_a_missing_valve() -> None:
     machine = ad.load("paper_1dof")
     text = machine.text.split("[cylinder.lift.valve]")[0]
     bare = ad.Machine.from_text(text, machine.urdf_text, machine.source)
-    with pytest.raises(ad.ArmDesignError, match=r"cylinder.lift.valve: missing; add rated_flow"):
+    with pytest.raises(
+        ad.ArmDesignError,
+        match=r"cylinder lift has no valve; add cylinder\.lift\.valve: rated_flow",
+    ):
         ad.plan_move(bare, [-0.2], [0.1])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import unicodedata
 from pathlib import Path
@@ -9,7 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.text import Text
+from rich.cells import cell_len
+from rich.console import Console
 
 import armdesign as ad
 from armdesign import plots
@@ -20,6 +25,7 @@ from armdesign.output import show, tell
 from armdesign.report.contents import HeadlineNumber, Report, ReportSection
 from armdesign.report.page import page
 from armdesign.report.sheet import Sheet
+from armdesign.report.terminal_table import LEAST, terminal_table
 from armdesign.units import SI, deg
 from tests import machines
 from tests.commands import assert_one_line, main
@@ -75,6 +81,36 @@ def test_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     assert not controls(out)
     assert "".join(out.split()).count("".join(SHOWN.split())) == 6  # the table's, not wrapped, too
     assert out.count("[red]r[/red]") >= 5
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.text("ab._é漢", min_size=1, max_size=60),
+            st.floats(-1e6, 1e6).map("{:.6g}".format),
+            st.lists(st.text("cd", min_size=1, max_size=15), max_size=12).map(" ".join),
+            st.integers(0, 9999).map(str),
+        ),
+        min_size=1,
+        max_size=4,
+    ),
+    st.integers(20, 150),
+)
+def test_numbers_stay_whole_in_narrow_terminals(rows: list[tuple[str, ...]], room: int) -> None:
+    """They were cut to "-…" where words beside them are long: words wrap, numbers never do."""
+    sheet = Sheet(title="", columns=("key", "change [mHz]", "where", "count of it"), rows=(*rows,))
+    console = Console(width=room, file=io.StringIO(), legacy_windows=False)
+    console.print(terminal_table(sheet, room), crop=False)
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    least = 2 * LEAST + max(len("change"), *(len(row[1]) for row in rows)) + len("count") + 3 * 2
+    assert max(map(cell_len, lines)) <= max(room, least + 2)
+    shown = "".join(lines)
+    assert "…" not in shown
+    for number in (cell for row in rows for cell in row[1::2]):
+        assert re.search(rf"(?<= ){re.escape(number)}(?= )", shown)
+    everything = "".join(cell for row in (sheet.columns, *rows) for cell in row)
+    for letter in "ab._é漢cd":  # none is lost
+        assert shown.count(letter) == everything.count(letter)
 
 
 def test_the_page() -> None:

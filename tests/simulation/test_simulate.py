@@ -159,7 +159,8 @@ def test_missing_valve_is_one_line(excavator: Machine) -> None:
         excavator, cylinders=(excavator.cylinders[0], replace(excavator.cylinders[1], valve=None))
     )
     with pytest.raises(
-        SimulationError, match=r"cylinder\.stick\.valve: missing; add rated_flow"
+        SimulationError,
+        match=r"cylinder stick has no valve; add cylinder\.stick\.valve: rated_flow",
     ) as caught:
         simulate(bare, WORST, {}, duration=1.0)
     assert "\n" not in str(caught.value)

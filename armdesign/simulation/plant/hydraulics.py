@@ -137,9 +137,10 @@ def _set_holding(row: Record, actuator: Actuator) -> None:
 
 def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
     if actuator.valve is None:
-        part = f"{machine.name}: {actuator.kind}.{actuator.name}.valve"
-        remedy = "add rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
-        raise SimulationError(part, "missing", remedy)
+        fault = f"{actuator.kind} {actuator.name} has no valve"
+        path = f"{actuator.kind}.{actuator.name}.valve"
+        remedy = f"add {path}: rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
+        raise SimulationError(machine.name, fault, remedy)
     return actuator.valve
 
 
