@@ -257,8 +257,12 @@ class Design(ReadOnly):
 
     @property
     def least_gain(self) -> float:
-        """Least relative gain over today's machine anywhere within the bands; a sample."""
-        return self.band_after.least_gain(self.band_before)
+        """Least relative gain over today's machine within the bands; a sample.
+
+        Of the lowest of the workspace's poses, and of what lies between them with the file's
+        values.
+        """
+        return min(self.band_after.least_gain(self.band_before), self.gain)
 
     def written_by(self, command: str) -> Machine:
         """The new machine with a file that says it was made by ``command``."""

@@ -75,7 +75,7 @@ class Pareto:
         ``frequency_hz``: worst, of the rounded machine, between grid poses too; ``unrounded_hz``:
         of the optimum, on the workspace's poses; ``gain``. ``banded_hz``: the worst within the
         bands that the designs were made for, on the workspace's poses, and ``least_gain`` there
-        over today's (no columns without bands).
+        over today's, no more than ``gain`` (no columns without bands).
         ``oil_share``, ``annulus_oil_share``: summed over the cylinders, over today's;
         ``thrust_share``: largest of any cylinder; ``digging_share``: least torque of those whose
         digging counts (no column where none does); ``lift_share``: least lift of all points of the

@@ -28,7 +28,8 @@ MEANINGS = {
     "before_hz": "worst frequency of today's machine [Hz]",
     "after_hz": "worst frequency of the new machine [Hz]",
     "gain": "of the worst frequency, with the file's values; 0.1 is 10 %",
-    "least_gain": "least gain within the bands, of the lowest of the poses; null without bands",
+    "least_gain": "least gain within the bands, of the lowest of the poses, or gain where that is"
+    " less; null without bands",
     "unrounded_hz": "worst frequency of the design before rounding [Hz]: where it was made for"
     " bands, within them; where for the least gain within them, that gain times before_hz",
     "bound_hz": "what no design of this kind exceeds, as unrounded_hz [Hz]; null where none is"
