@@ -51,7 +51,7 @@ MADE_BY = {  # classes of the package, which are known by their names
     "Measured": "",
     "Recording": "",
 }
-MOST_WORKERS = 256  # processes: more keep a computer busy without an answer
+MOST = {"workers": 256, "starts": 10_000}  # more keep a computer busy without an answer
 LISTS = (list, tuple, str, dict)  # whose items may be looked at without using them up
 
 
@@ -65,13 +65,15 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     that takes requirements is answered by the nearest argument, or by how a requirement is given.
 
     Raises:
-        ArmDesignError: from the function made, for an argument of another type.
+        ArmDesignError: from the function made, for an argument of another type, and for keywords
+            of ``MOST`` that are not from 1 to it.
     """
     signature = inspect.signature(function)
     written = {n: p.annotation for n, p in signature.parameters.items() if p.annotation != p.empty}
 
     @functools.wraps(function)
     def judged(*words: P.args, **named: P.kwargs) -> R:
+        _refuse_too_many(named)
         try:
             return function(*words, **named)
         except ArmDesignError:
@@ -89,6 +91,14 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             raise
 
     return judged
+
+
+def _refuse_too_many(named: Mapping[str, Any]) -> None:
+    for name, most in MOST.items():
+        value = named.get(name, 1)
+        if isinstance(value, numbers.Integral) and not 1 <= int(value) <= most:
+            fault = f"{reprlib.repr(value)} is not allowed"
+            raise ArmDesignError(name, fault, f"give a whole number from 1 to {most}")
 
 
 def with_options(

@@ -10,10 +10,8 @@ from typing import Annotated
 
 import typer
 
-from armdesign.arguments import MOST_WORKERS
+from armdesign.arguments import MOST
 from armdesign.units import SI, WORKSHOP, Units
-
-MOST_STARTS = 10_000  # more keep a computer busy without an answer
 
 
 class Habit(StrEnum):
@@ -112,7 +110,7 @@ StartsOption = Annotated[
     typer.Option(
         "--starts",
         min=1,
-        max=MOST_STARTS,
+        max=MOST["starts"],
         help="Starts of the search; default: 3, or 4 where four-bars move.",
     ),
 ]
@@ -121,7 +119,7 @@ StartsOfSetsOption = Annotated[
     typer.Option(
         "--starts",
         min=1,
-        max=MOST_STARTS,
+        max=MOST["starts"],
         help="Starts of each set of pins: today's, the best of one pin less, then drawn ones;"
         " default: the first two.",
     ),
@@ -131,13 +129,14 @@ WorkersOption = Annotated[
     typer.Option(
         "--workers",
         min=1,
-        max=MOST_WORKERS,
+        max=MOST["workers"],
         help="Processes that share the starts, and the poses of simulations; default: 1, for"
         " pareto and steps each core.",
     ),
 ]
 PosesWorkersOption = Annotated[
-    int, typer.Option("--workers", min=1, max=MOST_WORKERS, help="Processes that share the poses.")
+    int,
+    typer.Option("--workers", min=1, max=MOST["workers"], help="Processes that share the poses."),
 ]
 PointsOption = Annotated[
     str,
@@ -421,7 +420,7 @@ ProcessesOption = Annotated[
     typer.Option(
         "--workers",
         min=1,
-        max=MOST_WORKERS,
+        max=MOST["workers"],
         help="Processes; default: one per processor.",
         show_default=False,
     ),

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 from uuid import uuid4
 
-from armdesign.arguments import MOST_WORKERS, checked, refuse_unless, with_options
+from armdesign.arguments import checked, refuse_unless, with_options
 from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, is_keeping
@@ -123,9 +123,6 @@ def sweep(
                           100     10.54
                           200      7.45
     """
-    if not 1 <= (workers := more["workers"]) <= MOST_WORKERS:
-        remedy = f"give a whole number from 1 to {MOST_WORKERS}"
-        raise ArmDesignError("workers", f"{workers} is not allowed", remedy)
     refuse_unless("outputs", more["outputs"], "Sequence[str] | None")  # are used at the end
     chosen = _changes(changes, more)
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
@@ -141,7 +138,7 @@ def sweep(
     cases = list(_cases(study, chosen, more["payloads"], sets))
     run = _CaseRunner(
         study=replace(study, name=uuid4().hex, columns=frozenset([*COLUMNS, *paths_of(cases)])),
-        workers=workers,
+        workers=more["workers"],
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),
         outputs=None if more["outputs"] is None else tuple(more["outputs"]),
