@@ -103,7 +103,8 @@ def test_a_whole_number_that_is_no_float_is_refused(call: Callable[[], object]) 
 @pytest.mark.parametrize("count", [-1, 0, 10**6, HUGE])
 def test_starts_and_workers_that_keep_a_computer_busy_are_refused(count: int) -> None:
     """Some were taken for one; a million workers ended in an error of the pool's files."""
-    for name, door in (("workers", ad.validate), ("workers", ad.optimize), ("starts", ad.optimize)):
+    doors = (("workers", ad.validate), ("workers", ad.optimize), ("starts", ad.optimize))
+    for name, door in doors:
         with pytest.raises(ad.ArmDesignError, match=rf"^{name}: .* give a whole number from 1 to"):
             door(ONE, **{name: count})
 
