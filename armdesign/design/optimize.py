@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypedDict
 
 import numpy as np
@@ -25,6 +25,7 @@ from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
+from armdesign.design.search.idle_changes import without_idle_changes
 from armdesign.design.search.infeasibility.explanation import (
     design_or_proof,
     not_written,
@@ -157,9 +158,12 @@ def outcome_of(
         near = require_feasible(sized(nearest, sizes))
     try:
         if sizes is None:
-            return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
-        search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
-        return Outcome.of(search, reached, rounded=rounded)
+            outcome = Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
+        else:
+            search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
+            outcome = Outcome.of(search, reached, rounded=rounded)
+        used = without_idle_changes(outcome.rounded, outcome.search, sizes)
+        return replace(outcome, rounded=used)
     except InfeasibleError:
         near = near or sized(nearest, sizes)
         machine = _machine_near(near) if near.violation <= MISSED else None

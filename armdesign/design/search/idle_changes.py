@@ -1,0 +1,62 @@
+"""Cylinders that a search changed for nothing stay as they are today.
+
+A programme does not care where pins are that its worst poses do not feel, as those of a
+telescope's cylinder; and a drawing that changes what gains nothing is work for nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from armdesign.design.catalogue.sizes import Sizes, offered
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.rounding import CheckedMachine
+from armdesign.design.search.sequential_sdp import Search
+from armdesign.machine.file.machine_file import flat
+
+NOTHING = 1e-9  # share of the frequency that may be lost; floats lose as much
+WORTH = 1e-4  # share of ω² that pins put back may cost before all is drawn
+OF_SIZES = ("bore_mm", "rod_mm", "dead_volume_l")  # what follows the size that was chosen
+
+
+def without_idle_changes(
+    best: CheckedMachine, search: Search, sizes: Sizes | None
+) -> CheckedMachine:
+    """The machine with every cylinder as it is today whose changes gain nothing.
+
+    A cylinder keeps its new size where today's is none of the catalogue. Own masses follow all
+    changes of a design: with them it is left alone.
+    """
+    problem = search.problem
+    for i in problem.vector.moving if problem.vector.moving_masses is None else ():
+        x = search.x.copy()
+        entries = list(problem.vector.moves(i))
+        x[entries] = problem.vector.start[entries]
+        if search.trial(x).squared.min() < search.squared * (1 - WORTH):
+            continue
+        for changes in _back(best, problem, i, sizes):
+            other = CheckedMachine.of(best.machine.replace(changes), best.problem)
+            if other.allowed and other.judged >= best.judged * (1 - NOTHING):
+                best = other
+                break
+    return best
+
+
+def _back(
+    best: CheckedMachine, problem: Problem, i: int, sizes: Sizes | None
+) -> Iterator[Mapping[str, Any]]:
+    """Changes that put a cylinder back: the whole of it, if that is offered, or all but its size.
+
+    None where it is as today.
+    """
+    today, cylinder = flat(problem.machine.section), problem.machine.cylinders[i]
+    new, name = flat(best.machine.section), f"cylinder.{cylinder.name}."
+    back = {k: v for k, v in today.items() if k.startswith(name) and new.get(k) != v}
+    lengths = {k: v for k, v in back.items() if not k.removeprefix(name).startswith(OF_SIZES)}
+    if not lengths:
+        return
+    own = cylinder.bore, cylinder.rod
+    if sizes is None or own in offered(cylinder, sizes, *problem.vector.resized[i]):
+        yield back
+    yield lengths

@@ -1,0 +1,37 @@
+"""What a search changes for nothing stays as it is today."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.units import mm
+
+OWN = [(100 * mm, 56 * mm), (50 * mm, 35 * mm)]  # sizes of today's cylinders
+
+
+@pytest.mark.parametrize(("catalogue", "rod"), [(None, 36 * mm), (OWN, 35 * mm)])
+def test_a_telescopes_pins_stay_and_the_lifting_ones_move(
+    catalogue: list[tuple[float, float]] | None, rod: float
+) -> None:
+    """At its worst pose the telescope stands at its end, where oil and arm of its cylinder do not
+    depend on the pins; they were moved by 54 mm. The lift cylinder's gain almost all. The file's
+    catalogue has no rod of 35 mm.
+    """
+    machine = ad.load("loader_crane")
+    space = ad.Workspace.grid(machine, points=5)
+    design = ad.optimize(machine, space, starts=1, catalogue=catalogue)
+    new = design.machine
+    assert new.linkages[2] == machine.linkages[2]
+    assert new.linkages[0].pin("base") != machine.linkages[0].pin("base")
+    telescope, own = new.cylinders[2], machine.cylinders[2]
+    assert (telescope.stroke, telescope.closed_length) == (own.stroke, own.closed_length)
+    assert (telescope.bore, telescope.rod) == pytest.approx((50 * mm, rod))
+    assert all(check.slack >= -1e-9 for check in design.checks)
+    moved = {"cylinder.extension.base.at_mm": [-363, 0, 180]}
+    moved |= {"cylinder.extension.rod_end.at_mm": [2004, 0, -16]}
+    moved |= {"cylinder.extension.closed_length_mm": 1952}
+    other = ad.frequency_map(new.replace(moved), space).worst.frequency
+    np.testing.assert_allclose(design.after.worst.frequency, other, rtol=1e-6)
+    assert design.gain > 0.05
