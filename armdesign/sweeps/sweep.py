@@ -137,7 +137,7 @@ def sweep(
     refuse_many(len(study.machines) * len(more["payloads"] or [0]) * len(chosen) * len(sets))
     cases = list(_cases(study, chosen, more["payloads"], sets))
     run = _CaseRunner(
-        study=replace(study, name=uuid4().hex, columns=frozenset([*COLUMNS, *paths_of(cases)])),
+        study=replace(study, columns=frozenset([*COLUMNS, *paths_of(cases)])),
         workers=more["workers"],
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),
@@ -289,10 +289,7 @@ def _study(
     workspace: Workspace | None,
     points: Any,
 ) -> Study:
-    """Data that all cases share; its name says what of it but the machines decides answers.
-
-    ``task`` has its identity beside it.
-    """
+    """Data that all cases share; ``task`` has its identity beside it."""
     if points is not None:
         one = isinstance(points, Integral)
         points = index(points) if one else [index(count) for count in points]
@@ -305,7 +302,7 @@ def _study(
         fault, remedy = f"cannot be written down ({error})", "give numbers, texts and lists"
         raise ArmDesignError("options", fault, remedy) from None
     return Study(
-        name=digest(shared),
+        identity=digest(shared),
         version=version("armdesign"),
         machines=machines,
         task=task[0],
@@ -363,7 +360,7 @@ def _cases(
         ArmDesignError: load cases that do not exist.
     """
     for name, machine in study.machines.items():
-        identity = digest([study.name, machine.identity])
+        identity = digest([study.identity, machine.identity])
         for payload in payloads or (None,):
             if payload is not None:
                 machine.with_payload(payload)  # refused before anything is computed

@@ -8,9 +8,10 @@ import signal
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
+from uuid import uuid4
 
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
@@ -34,7 +35,7 @@ class Study:
     """Data that all cases of a sweep share; it travels once to each worker.
 
     Attributes:
-        name: by which workers know it; of its run alone.
+        identity: digest of all that decides answers but machines, changes and load cases.
         version: of the package that made it.
         machines: machines that are changed, by name.
         task: name of a task, or a function of machine, workspace and options.
@@ -42,9 +43,10 @@ class Study:
         workspace: the poses; None: a joint grid of every changed machine.
         points: of that grid.
         columns: names that no answer may have: a frame's other columns.
+        name: by which workers know it; of its run alone.
     """
 
-    name: str
+    identity: str
     version: str
     machines: Mapping[str, Machine]
     task: str | Task
@@ -52,6 +54,7 @@ class Study:
     workspace: Workspace | None
     points: Any
     columns: frozenset[str] = frozenset(COLUMNS)
+    name: str = field(default_factory=lambda: uuid4().hex)
 
 
 @dataclass(frozen=True, kw_only=True)
