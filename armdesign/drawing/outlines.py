@@ -156,9 +156,10 @@ def _of_outline(machine: Machine, plane: PicturePlane, link: str) -> Any:
 
 
 def _points(machine: Machine, plane: PicturePlane, links: tuple[str, ...]) -> Array:
-    """Joints, pins, tool and loads on some links (m, 2), in the picture, all joints at 0."""
+    """Joints, pins, ends, tool and loads on some links (m, 2), in the picture, all joints at 0."""
     arm, zero = machine.arm, plane.zero
-    places = [arm.point(zero, str(pin.link), np.array(pin.at))[0] for pin in _pins(machine, links)]
+    known = [*((str(pin.link), pin.at) for pin in _pins(machine, links)), *_ends(machine, links)]
+    places = [arm.point(zero, link, np.array(at))[0] for link, at in known]
     first = arm.links[links[0]].joint
     for index, joint in enumerate(arm.coordinates):
         if index == first or joint.parent == first:
@@ -174,6 +175,14 @@ def _pins(machine: Machine, links: tuple[str, ...]) -> Iterator[Pin | LoadCase]:
         *(pin for own in machine.linkages for pin in own.pins),
     ]
     return (pin for pin in every if pin.link in links)
+
+
+def _ends(machine: Machine, links: tuple[str, ...]) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Ends of links of ``[links]`` that have a length: a telescope's boom has no joint at its."""
+    for name in links:
+        section = machine.section.links.get(name)
+        if section is not None and section.length_mm is not None:
+            yield name, (section.length_mm * mm, 0.0, 0.0)
 
 
 def _hull(points: Array, radius: float) -> Any:

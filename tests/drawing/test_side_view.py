@@ -15,6 +15,8 @@ from armdesign.drawing.outlines import bodies
 from armdesign.drawing.plane import PicturePlane, placed
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.errors import PoseError
+from armdesign.machine import template
+from armdesign.units import mm
 from tests.machines import ODD, middle, named
 
 PLANAR = ["excavator_20t", "loader_crane", "patu_boom", "paper_1dof", "four_bar_right"]
@@ -187,3 +189,19 @@ def test_a_pose_of_another_shape_is_refused() -> None:
         side_view(named("paper_1dof"), [0.1, 0.2])
     with pytest.raises(PoseError, match="not finite"):
         side_view(named("paper_1dof"), [math.nan])
+
+
+def test_a_link_of_links_is_drawn_to_its_end(tmp_path: Path) -> None:
+    """A telescope's boom ends where no joint is: it stopped at the last pin that it carries."""
+    path = tmp_path / "loader.toml"
+    path.write_text(template.new("loader", links=2), encoding="utf-8")
+    machine = load(path)
+    last = f"links.{machine.joints[-1]}.length_mm"
+    tool = machine.tool.at[0]
+
+    def end(length: float) -> float:
+        (outline,) = bodies(machine.replace({last: length / mm}))[-1].polygons
+        return float(outline[:, 0].max())
+
+    assert end(0.9 * tool) == end(tool)
+    assert end(3 * tool) > 3 * tool
