@@ -60,7 +60,9 @@ def distribution(tolerances: Tolerances, ax: Axes | None = None) -> Axes:
     words = "least frequency" if tolerances.stated else "as drawn"
     share = f"{100 * tolerances.share:.1f} % of the machines reach it"
     ax.axvline(tolerances.least, color=MARK, label=f"{words}: {share}")
-    ax.set(xlabel="worst frequency [Hz]", ylabel="density [1/Hz]", xlim=(low, high))
+    low, high = min(low, tolerances.least), max(high, tolerances.least)
+    edge = 0.02 * (high - low)  # that the line of the legend is not the frame
+    ax.set(xlabel="worst frequency [Hz]", ylabel="density [1/Hz]", xlim=(low - edge, high + edge))
     count = f"{len(tolerances.frequencies):,}".replace(",", "\u202f")
     ax.set_title(f"{title_of(tolerances.machine)}\n{count} machines within their tolerances")
     ax.grid(alpha=0.3)
