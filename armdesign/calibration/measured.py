@@ -257,7 +257,14 @@ class _MeasuredRows:
     def _warnings(self, actuators: list[str], deviations: Array) -> list[str]:
         """Notes on the measurements: columns that are not used, inclinometers, deviations."""
         joints = [name for column in joint_columns(self.machine) for name in column.all]
-        known = [*joints, *KNOWN, *(f"{a}_{end}" for a in actuators for end in ENDS), *UNUSED]
+        springs = [f"{one.joint}_{unit}" for one in self.machine.springs for unit in ("deg", "mm")]
+        known = [
+            *springs,
+            *joints,
+            *KNOWN,
+            *(f"{a}_{end}" for a in actuators for end in ENDS),
+            *UNUSED,
+        ]
         known = list(dict.fromkeys(known))
         words = [
             f'column "{name}" is not used: '

@@ -77,7 +77,7 @@ def _add_joint(robot: ET.Element, name: str, link: LinkSection, parent: LinkSect
         return
     ET.SubElement(joint, "axis", xyz=attribute(link.axis or AXES.get(link.kind, RAISES)))
     if (limits := limits_of(link)) is not None:
-        ends = {end: repr(x) for end, x in zip(("lower", "upper"), limits, strict=True)}
+        ends = {end: repr(float(x)) for end, x in zip(("lower", "upper"), limits, strict=True)}
         ET.SubElement(joint, "limit", ends | {"effort": "0", "velocity": "0"})
 
 

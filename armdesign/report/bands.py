@@ -47,7 +47,8 @@ def end_names(machine: Machine, bands: Bands) -> tuple[str, str, str]:
         return "lowest", "at file values", "highest"
     stiffest = bands.at_end(machine, False)
     yields = stiffest.springs or any(one.compliance > 0 for one in stiffest.actuators)
-    return "softest", "at file values", "stiffest" if yields else "rigid"
+    other_oil = bands.air or {bands.bulk_modulus, bands.dead_volume} != {EXACT}
+    return "softest", "at file values", "stiffest" if yields or other_oil else "rigid"
 
 
 def widths(machine: Machine, bands: Bands) -> str:

@@ -53,7 +53,9 @@ def worst_pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP)
 
 
 def spring_note(machine: Machine, limiting: str) -> str:
-    """Note that a spring limits; empty where ``limiting`` is an actuator."""
+    """Note that a spring or motor limits; empty where ``limiting`` is a cylinder."""
+    if limiting in [motor.name for motor in machine.motors]:
+        return f"the {limiting} motor limits there, which no search changes"
     springs = [spring.name for spring in machine.springs]
     return f"the {limiting} limits there, no cylinder can help" if limiting in springs else ""
 

@@ -22,20 +22,24 @@ COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "
 def validation_sheet(validations: Mapping[str, Validation]) -> Sheet:
     """Linear against fitted frequencies of validations by label; failures below the table."""
     friction = any(run.with_friction for one in validations.values() for run in one.runs)
-    rows, failures = [], dict[str, dict[str, None]]()  # places of each reason, in their order
-    for label, validation in validations.items():
-        for sweep in validation.sweeps:
-            rows.append(_row(label, sweep, friction))
-            for reason in _reasons(sweep):
-                place = f"{label}, {sweep.payload}, {sweep.cylinder}"
-                failures.setdefault(reason, {})[place] = None
-    failed = [f"{'; '.join(places)}: {reason}" for reason, places in failures.items()]
+    rows = [_row(label, one, friction) for label, of in validations.items() for one in of.sweeps]
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
         columns=(*COLUMNS, *(("dry",) if friction else ()), "remark"),
         rows=tuple(rows),
-        note=". Failed: ".join([_note(friction), *failed]),
+        note=f"{_note(friction)}{_failed(validations)}",
     )
+
+
+def _failed(validations: Mapping[str, Validation]) -> str:
+    """Where sweeps failed and why, each reason once; empty where none did."""
+    places: dict[str, dict[str, None]] = {}  # of each reason, in their order
+    for label, validation in validations.items():
+        for sweep in validation.sweeps:
+            for reason in _reasons(sweep):
+                place = f"{label}, {sweep.payload}, {sweep.cylinder}"
+                places.setdefault(reason, {})[place] = None
+    return "".join(f". Failed: {'; '.join(of)}: {reason}" for reason, of in places.items())
 
 
 def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
@@ -131,10 +135,18 @@ def _words(run: FittedMode) -> tuple[str, ...]:
 
 
 def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:
-    """Of several machines, the limiting cylinder's sweeps at the worst pose, with the verdict."""
-    sheet = validation_sheet({k: proof.by_pose["worst"].limiting for k, proof in proofs.items()})
+    """Of several machines, the limiting cylinder's sweeps at the worst pose, with the verdict.
+
+    And why sweeps failed, at any pose.
+    """
+    worst = {label: proof.by_pose["worst"].limiting for label, proof in proofs.items()}
+    every = {
+        f"{k}, {pose}": one for k, proof in proofs.items() for pose, one in proof.by_pose.items()
+    }
+    sheet = validation_sheet(worst)
+    note = sheet.note.removesuffix(_failed(worst)) + _failed(every)
     said = verdict(list(proofs.values()))
-    return dataclasses.replace(sheet, note=f"{said} (validation.csv); {sheet.note}")
+    return dataclasses.replace(sheet, note=f"{said} (validation.csv); {note}")
 
 
 def _largest(runs: Sequence[FittedMode]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -117,7 +116,7 @@ class Failure(SweptMode):
 def with_remarks(
     group: Sequence[FittedMode | Failure], creeps: bool = False
 ) -> list[FittedMode | Failure]:
-    """Full and half amplitude with remarks on their deviations.
+    """Full and half amplitude with remarks on their deviations, of each that does not agree.
 
     Args:
         group: full and half amplitude without dry friction; then both with it, if there is any,
@@ -127,13 +126,14 @@ def with_remarks(
     smooth, rough = group[:2], group[2:] or (None, None)
     balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, FittedMode))
     remark = _remark([one for one in smooth if isinstance(one, FittedMode)], creeps)
-    words: dict[str, Any] = {"remark": remark if balanced else "energy"}
-    return [
-        dataclasses.replace(one, **words, with_friction=other)
-        if isinstance(one, FittedMode)
-        else one
-        for one, other in zip(smooth, rough, strict=True)
-    ]
+    said = []
+    for one, other in zip(smooth, rough, strict=True):
+        if isinstance(one, FittedMode):
+            own = "agrees" if abs(one.deviation) <= AGREES else remark
+            words = own if balanced else "energy"
+            one = dataclasses.replace(one, remark=words, with_friction=other)
+        said.append(one)
+    return said
 
 
 def _remark(runs: Sequence[FittedMode], creeps: bool) -> str:

@@ -45,7 +45,7 @@ from armdesign.short_repr import short_repr
 from armdesign.simulation.experiment import Experiment
 from armdesign.simulation.kept_sweeps import form
 from armdesign.simulation.linearization import without_dry_friction
-from armdesign.simulation.resting import Resting
+from armdesign.simulation.resting import LEAST_END, Resting
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import SimulationCase, attempt_all
 from armdesign.simulation.sweeps import Failure, FittedMode, SweptMode, with_remarks
@@ -252,12 +252,14 @@ class NamedPose(NamedTuple):
 
 
 def _extreme_places(map_: FrequencyMap, payloads: Sequence[str] | None) -> list[NamedPose]:
-    """The worst, the median and the best place of a map."""
+    """The worst, the median and the best place of a map, the latter two with room for sweeps."""
     machine, names = map_.machine, list(map_.worst_of if payloads is None else payloads)
     cases = {name: machine.with_payload(name).payload.name for name in names}
     worst = min((map_.worst_of[cases[name]] for name in names), key=lambda w: w.frequency)
     rows = np.flatnonzero(np.isin(map_.columns["payload"], names))
     rows = rows[np.argsort(map_.lowest[rows], kind="stable")]
+    roomy = rows[(machine.margins(map_.q[rows]) >= 2 * LEAST_END).all(axis=1)]
+    rows = roomy if len(roomy) else rows
     places = [NamedPose("worst", machine.with_payload(worst.payload), worst.q)]
     for name, row in (("median", rows[len(rows) // 2]), ("best", rows[-1])):
         loaded = machine.with_payload(str(map_.columns["payload"][row]))

@@ -178,8 +178,9 @@ class _TradeOff:
         if not front.designs:
             refused = [one for one in found.values() if isinstance(one, InfeasibleError)][-1]
             fault = f"no value of {self.options['against']} can be met"
-            why = refused.fault, refused.conflict, refused.table
-            raise InfeasibleError(self.machine.name, fault, *why)
+            why = f"{refused.fault}; {refused.remedy}" if refused.remedy else refused.fault
+            conflict = refused.conflict, refused.table
+            raise InfeasibleError(self.machine.name, fault, why, *conflict)
         return front
 
     def _search_alone(

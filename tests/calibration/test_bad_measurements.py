@@ -12,6 +12,7 @@ import armdesign as ad
 from armdesign.calibration.measured import measured_of, read_measured
 from tests.calibration.synthetic import AIR, BETA, LIFT, crane, measurements, poses
 from tests.commands import Refused
+from tests.sprung import rocking
 
 HEAD = "payload,lift_length_mm,tilt_boom_deg,extension_mm,frequency_hz"
 ROW = "full,1000,-40,0,2.1"
@@ -145,6 +146,20 @@ def test_an_inclinometer_is_warned_of_and_a_typing_error_told() -> None:
     assert '"lift_presure_bar" is not used' in words
     calibration = ad.calibrate(machine, rows, [BETA])
     assert any("inclinometer" in line for line in calibration.findings)
+
+
+def test_columns_of_springs_are_no_typing_errors() -> None:
+    """``identify --machine`` writes them; "did you mean" put the carriage's angle in a joint's."""
+    machine = rocking()
+    row = {
+        "payload": "full",
+        "boom_deg": 10,
+        "stick_deg": -60,
+        "bucket_deg": 0,
+        "rocking_deg": 0.1,
+    }
+    measured = measured_of([{**row, "frequency_hz": 1.1, "rockin_deg": 0.1}], machine)
+    assert len([one for one in measured.warnings if "rockin" in one]) == 1
 
 
 def test_columns_that_there_may_be_are_told_in_order() -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign.arrays import Array
 from armdesign.influence.family import Family, can_matter, rebuilt
+from armdesign.machine import template
 from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import numbers_of
+from armdesign.units import deg
 from tests.machines import middle
 
 COUNT = 3
@@ -71,6 +75,14 @@ def test_factors_on_the_mass_of_links_are_those_of_the_urdf() -> None:
     family = Family.of(machine, {}, 1, np.array([[1.0, 1.05, 1.0]]))
     expected = other.at(q).mass_matrix
     np.testing.assert_allclose(family.at(q, "empty").mass_matrix, expected, rtol=1e-12)
+
+
+def test_limits_of_links_are_numbers_of_any_library() -> None:
+    """Limits of NumPy's numbers were written as words, and read back as none."""
+    machine = ad.Machine.from_text(template.new("loader", links=2), "", Path("loader.toml"))
+    location = ("links", machine.joints[0], "limits_deg", 1)
+    for value in (-4.0, np.float64(-4.0)):
+        assert rebuilt(machine, {location: value}).arm.limits[0, 1] == pytest.approx(-4 * deg)
 
 
 @pytest.mark.parametrize("rows", [[0], [2, 0, 0]])

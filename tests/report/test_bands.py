@@ -19,6 +19,17 @@ CASES = [
         ("softest", "stiffest"),
         "structure of boom 0 to 1 × as soft",
     ),
+    ("bulk_modulus_share = [0.9, 1.1]", ("softest", "stiffest"), "oil 0.9 to 1.1 ×"),
+    (
+        "structure = [0.0, 1.0]\ndead_volume_share = [0.9, 1.0]",
+        ("softest", "stiffest"),
+        "structure",
+    ),
+    (
+        "structure = [0.0, 1.0]\nentrained_air_percent = [0, 1]",
+        ("softest", "stiffest"),
+        "structure",
+    ),
     ("payload_share = [0.8, 1.2]", ("lowest", "highest"), "payload 0.8 to 1.2 ×"),
     ("structure = [0.4, 0.4]", ("lowest", "highest"), "structure 0.4 × as soft"),
     ("", ("softest", "rigid"), "structure 0 to 1 × as soft as today's oil, assumed: the file"),

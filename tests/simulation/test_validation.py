@@ -216,6 +216,7 @@ def test_verdicts(worst: Validation) -> None:
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
     assert judged(0.02, 0.006) == ["amplitude"] * 2
+    assert judged(0.009, 0.004) == ["amplitude", "agrees"]  # and not both differ
     assert judged(0.02, 0.02) == ["fault"] * 2
     assert judged(0.001, 0.001, 0.3, 0.2) == ["agrees"] * 2  # the latter with dry friction
     assert judged(0.02, 0.02, 0.001, 0.001) == ["fault"] * 2

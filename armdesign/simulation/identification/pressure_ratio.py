@@ -66,7 +66,7 @@ class PressureRatio:
                 " is open or runs empty, so its oil is no spring"
             )
         if abs(self.phase - 180) > OPPOSITE:
-            return "cap and annulus pressure do not swing against each other, as trapped oil does"
+            return "cap and annulus pressure do not swing against each other: trapped oil would"
         against = "cap and annulus pressure swing against each other"
         if self.expected is None:
             return f"{against}, as trapped oil does"
