@@ -196,9 +196,9 @@ class WhatIf:
             row = known.iloc[int(at)]
             masses = (_mass(row[kind]) for kind in ("before", "linear", "after"))
             cells = (_percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))
-            rows.append((f"{words}, {known.index[int(at)]}", *masses, *cells))
+            rows.append((f"{words} change, {known.index[int(at)]}", *masses, *cells))
         medians = (_percent(float(ratios[kind].median())) for kind in ("linear", "after"))
-        rows.append(("median", "", "", "", *medians))
+        rows.append(("median change", "", "", "", *medians))
         return Sheet(
             title="Change over the lift chart [kg]",
             columns=("point", "before", "linear", "after", "change [linear]", "change"),

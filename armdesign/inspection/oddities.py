@@ -32,6 +32,7 @@ RANGE_TOLERANCE = {"rad": 0.01, "m": 0.005}  # by which URDF limit and stroke ma
 PITCH_REACHED = 0.02  # [rad] by which a pitch range may be wider than the workspace
 BULK_MODULUS = (400e6, 2200e6)  # [Pa] effective values that have been measured on machines
 BAND_TOLERANCE = 0.01  # of a value at the end of its band
+NO_FREQUENCIES = "no natural frequencies"
 RODS_SAFETY = 1.0  # Euler load over the supply's thrust
 
 # bands in shares of the file's own value
@@ -173,7 +174,7 @@ def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
     try:
         lowest = lowest_frequency(case.machine.at(case.rigid))
     except PoseError as error:
-        yield f"payload.{name}", f"no natural frequencies: {error}"
+        yield f"payload.{name}", f"{NO_FREQUENCIES}: {error}"
         return
     if np.any(lowest == 0):
         unstable = weighted_share(lowest == 0, inspection.workspace.weights[case.exists])

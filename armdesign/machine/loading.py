@@ -92,5 +92,7 @@ def find(path_or_name: str | Path) -> Path:
         raise MachineFileError(str(path), f"holds no {own.name}", remedy)
     if path.suffix == ".toml" or path.exists():
         return path
-    remedy = f"{choose(str(path), names)}, or give a .toml file"
+    beside = [str(one) for one in path.parent.glob("*.toml") if one.is_file()]
+    remedy = choose(str(path), [*names, *beside])
+    remedy = remedy if remedy.endswith("?") else f"{remedy}, or give a .toml file"
     raise MachineFileError(str(path), "no such machine", remedy)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import sys
 import tempfile
 import textwrap
@@ -50,6 +51,7 @@ FORMATS = ("png", "svg", "pdf")
 _too = ContextVar("format in which a PNG is written, too", default="png")
 DOTS = 150  # per inch of a picture
 POINTS = 72  # per inch, of sizes of letters
+HELD = "\u00a0"  # a blank at which no line breaks
 PAPER = 0.88  # of the width of a part of a figure, for its title
 STYLE = {
     "font.family": "sans-serif",
@@ -272,9 +274,10 @@ def _parts(line: str, inches: float, points: float) -> list[str]:
     width = line_width(line, points)
     if width <= inches:
         return [line]
+    held = re.sub(r"(?<=\d) (?=\w)", HELD, line)  # a number and its unit
     most = min(len(line), int(1.3 * len(line) * inches / width) + 1)  # letters differ in width
     for letters in range(most, 1, -1):
-        parts = textwrap.wrap(line, letters)
+        parts = [part.replace(HELD, " ") for part in textwrap.wrap(held, letters)]
         if max((line_width(part, points) for part in parts), default=0.0) <= inches:
             return parts
     return textwrap.wrap(line, 1)

@@ -58,9 +58,10 @@ def moment_arms(design: Design) -> Figure:
 def moment_arm_curves(machines: Mapping[str, Machine]) -> Figure:
     """Figure of every actuator's moment arm and torques about every joint, over its range.
 
-    A cylinder across several joints is drawn with the others in the middle of their ranges; the
-    moment arm of a motor is 1. The first machine says which actuators and joints; the other
-    machines are drawn beside it where they have actuators and joints of these names.
+    A cylinder across several joints is drawn with the others in the middle of their ranges; motors
+    are not: their arm is 1 and their torque the same everywhere. The first machine says which
+    actuators and joints; the other machines are drawn beside it where they have actuators and
+    joints of these names.
     """
     curves = {label: _curves(machine) for label, machine in machines.items()}
     first = next(iter(machines.values()))
@@ -103,10 +104,9 @@ def _curves(machine: Machine) -> dict[tuple[str, str], Performance]:
     """Performance by the names of actuator and joint."""
     from armdesign.design.requirements.performance import performances
 
-    return {
-        (machine.actuators[at.actuator].name, machine.joints[at.joint]): at
-        for at in performances(machine)
-    }
+    every = [(machine.actuators[at.actuator], at) for at in performances(machine)]
+    drawn = [pair for pair in every if pair[0].kind == "cylinder"] or every
+    return {(actuator.name, machine.joints[at.joint]): at for actuator, at in drawn}
 
 
 @literal

@@ -32,7 +32,7 @@ def _values(calibration: Calibration) -> Sheet:
             fitted = (f"{row['value']:.4g}", f"{row['deviation']:.2g}", interval)
         rows.append((str(path), f"{row['before']:.4g}", *fitted))
     return Sheet(
-        title=f"{calibration.today.name}: values that the measurements determine",
+        title=f"{calibration.today.name}: values fitted to the measurements",
         columns=("key path", "before", "fitted", "± deviation", "95 % within"),
         words=("key path",),
         rows=tuple(rows),

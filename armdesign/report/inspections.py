@@ -10,6 +10,7 @@ from armdesign.design.requirements.holding import lift_pose
 from armdesign.design.requirements.places import HELD, clearances, pins_outside
 from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import ArmDesignError
+from armdesign.inspection.oddities import NO_FREQUENCIES
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions
@@ -123,11 +124,13 @@ def _cylinders(inspection: Inspection, units: Units) -> Sheet:
 def _motors(inspection: Inspection, units: Units) -> Sheet:
     machine, rows = inspection.machine, []
     for motor in machine.motors:
-        drop = machine.supply.pressure - machine.supply.return_pressure
         speed = machine.supply.flow / motor.bore_area
         dead = (motor.cap_dead_volume, motor.annulus_dead_volume)
         sides = (units.text(volume, "m³") for volume in dead)
-        most = (units.text(motor.bore_area * drop, "N m"), units.text(speed, "rad/s"))
+        most = (
+            units.text(motor.bore_area * machine.supply.pressure, "N m"),
+            units.text(speed, "rad/s"),
+        )
         rows.append((motor.name, motor.joint, f"{motor.gear_ratio:g}", *sides, *most))
     heads = ("motor", "joint", "gear ratio", "oil volume a", "oil volume b")
     most_heads = ("torque at supply", "speed at full flow")
@@ -171,8 +174,9 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
 def _static_loads(inspection: Inspection, units: Units) -> Sheet:
     rows = []
     for load in inspection.loads:
-        name = inspection.machine.actuators[load.cylinder].name
-        side = "cap" if load.cap else "rod"
+        actuator = inspection.machine.actuators[load.cylinder]
+        name, sides = actuator.name, ("cap", "rod") if actuator.kind == "cylinder" else ("a", "b")
+        side = sides[not load.cap]
         share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
         rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))
     return Sheet(
@@ -195,10 +199,11 @@ def _implausible(inspection: Inspection, units: Units) -> Sheet:
         part = fault.part.removeprefix(f"{machine.source.name}: ")
         rows += ((part, f"{fault.fault}: {fault.remedy}; until then designs are refused"),)
     rows += tuple(_too_near(machine, requirements, units))
+    note = "not errors: the file can be used, but check these numbers" if rows else ""
+    if any(words.startswith(NO_FREQUENCIES) for _, words in rows):
+        note = "map, design and all other commands that need natural frequencies refuse the file"
     return Sheet(
-        title="Implausible values" if rows else "No implausible values",
-        rows=rows,
-        note="not errors: the file can be used, but check these numbers" if rows else "",
+        title="Implausible values" if rows else "No implausible values", rows=rows, note=note
     )
 
 

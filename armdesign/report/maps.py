@@ -120,7 +120,8 @@ def spread_sheet(maps: dict[str, FrequencyMap]) -> Sheet:
             rows.append((case, f"{poses.sum()}", *spread))
     title = "Lowest coupled frequency at the poses of the workspace [Hz]"
     columns = ("payload", "poses", "lowest", "5 %", "50 %", "95 %")
-    return Sheet(title=title, columns=columns, rows=tuple(rows))
+    note = "a pose counts in percentiles and shares as the box of joint space about it is large"
+    return Sheet(title=title, columns=columns, rows=tuple(rows), note=note)
 
 
 def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:

@@ -172,6 +172,8 @@ class Simulation(ReadOnly):
     def ring(self, begin: float | None = None, end: float | None = None, modes: int = 1) -> Ring:
         """Natural frequencies and damping that the machine rings with once its spools rest.
 
+        Of the speeds of joints and springs together.
+
         Args:
             begin: of the window [s]; None: as soon as no spool moves any more.
             end: of the window [s]; None: the end of the run.
@@ -201,11 +203,12 @@ class Simulation(ReadOnly):
         if inside.sum() < 2:
             fault = f"{begin:g}…{end:g} s holds no two of its instants"
             raise SimulationError(part, fault, f"stay in 0…{self.time[-1]:g} s")
-        swing = float(np.ptp(np.hstack([self.velocity, self.spring_speeds])[inside], axis=0).max())
+        speeds = np.hstack([self.velocity, self.spring_speeds])[inside]
+        swing = float(np.ptp(speeds, axis=0).max())
         if swing < STILL:
             fault = f"nothing rings: speeds swing by {swing:.2g} rad/s or m/s, as by rounding"
             raise SimulationError(part, fault, "move the machine first, or begin earlier")
-        fit = identify_ringdown(self.time[inside], self.velocity[inside], modes, part)
+        fit = identify_ringdown(self.time[inside], speeds, modes, part)
         poses = self.machine.evaluate(self.machine.rigid_poses(self.q[inside].mean(axis=0)))
         return Ring(
             begin=begin,

@@ -94,3 +94,4 @@ def test_titles_that_fit_stay_as_they_are() -> None:
     assert canvas.wrapped("two  words\n and a line", 3.0, 9.0) == ["two  words", " and a line"]
     assert canvas.wrapped("", 3.0, 9.0) == [""]
     assert canvas.wrapped("one two", 0.5, 9.0) == ["one", "two"]
+    assert canvas.wrapped("delay 1.47 s", 0.6, 9.0) == ["delay", "1.47 s"]

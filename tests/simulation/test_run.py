@@ -9,6 +9,7 @@ import armdesign as ad
 from armdesign.errors import SimulationError
 from armdesign.simulation.simulate import simulate
 from armdesign.units import bar
+from tests.sprung import rocking
 
 SPREAD, HARD = (0.42, -1.79, -0.63), (0.3, -1.2, -1.0)
 
@@ -60,6 +61,15 @@ def test_the_window_begins_when_the_spools_rest() -> None:
     length = 1e-3 * frame["boom_pin_to_pin_mm"].to_numpy()
     yields = boom.closed_length + run.extensions[:, 0] - boom.compliance * force
     np.testing.assert_allclose(length, yields, atol=1e-4)  # dry friction: 1e-5 m
+
+
+def test_a_ring_is_heard_in_springs_too() -> None:
+    """A carriage's rocking can be most of it: the joints alone fitted another mode elsewhere."""
+    up = {"boom": ad.Step(size=0.1, end=0.5)}
+    run = ad.simulate(rocking().with_payload("full"), (0.5, -1.8, -0.6), up, duration=8)
+    ring = run.ring()
+    assert ring.fit.amplitudes.shape == (1, run.velocity.shape[1] + run.spring_speeds.shape[1])
+    assert ring.fit.natural_frequencies[0] == pytest.approx(ring.linear_frequencies[0], rel=0.03)
 
 
 @pytest.mark.parametrize("name", ["excavator_20t", "loader_crane"])

@@ -52,7 +52,8 @@ def refuse_unfit_catalogue(problem: Problem) -> None:
         )
         pairs = zip(names, lacking.values(), strict=True)
         ways = "; ".join(f"for the {name} {_spans(sizes)}" for name, sizes in pairs)
-        remedy = f"offer others: in steps of {GRID_MM} mm these might do: {ways}; or relax"
+        others = f"offer others: in steps of {GRID_MM} mm these might do: {ways}"
+        remedy = f"{others}; or relax, at least so far,"
         relaxed = [way for i in lacking if (way := _relaxations(wide, i, offered, bars))]
         if len(relaxed) < len(lacking):
             relaxed.append("several of their requirements")

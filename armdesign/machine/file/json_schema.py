@@ -31,7 +31,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "at_mm": "x, y, z in the frame of the link",
     "pitch_deg": "the case exists only while the link's x axis has this pitch, up from forward",
     "bulk_modulus_MPa": "bulk modulus of the oil without air, or of the hose",
-    "entrained_air_percent": "air in the oil, by volume at atmospheric pressure",
+    "entrained_air_percent": "air in the oil: its volume at atmospheric pressure over the oil's",
     "flow_l_per_min": "largest flow of the pump",
     "count": "equal cylinders in parallel that share their pins",
     "bore_mm": "inner diameter of the barrel",
@@ -203,7 +203,7 @@ IN_SECTION = {  # where a key means something else than in most tables
         "spring_stiffness_percent": "of every spring, either way",
         "keys": "of single numbers by key path in quotes, in their unit, either way",
     },
-    "BandsSection": {"entrained_air_percent": "by volume at atmospheric pressure"},
+    "BandsSection": {"entrained_air_percent": "its volume at atmospheric pressure over the oil's"},
     "LoadHoldingSection": {
         "rated_flow_l_per_min": "flow through the open valve at the rated drop",
         "rated_drop_bar": "pressure drop of the open valve at the rated flow",
