@@ -192,7 +192,8 @@ class WhatIf:
         ratios = {kind: known[kind] / known["before"] - 1 for kind in ("linear", "after")}
         exact = ratios["after"]
         rows = []
-        for words, at in (("least", exact.argmin()), ("greatest", exact.argmax())):
+        ends = {"least": exact.argmin(), "greatest": exact.argmax()}
+        for words, at in ends.items() if exact.min() < exact.max() else ():
             row = known.iloc[int(at)]
             masses = (_mass(row[kind]) for kind in ("before", "linear", "after"))
             cells = (_percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))

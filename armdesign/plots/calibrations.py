@@ -26,7 +26,7 @@ def measured_and_computed(calibration: Calibration, ax: Axes | None = None) -> A
     deviations = 2 * frame["deviation_hz"]
     style: Style = {"fmt": "_", "color": INK, "capsize": 3, "ms": 14}
     ax.errorbar(numbers, measured, deviations, **style, label="measured, ± 2 deviations")
-    ax.set(xlabel="measurement", ylabel="frequency [Hz]", ylim=(0, None))
+    ax.set(xlabel="measurement", ylabel="frequency [Hz]", ylim=(0, 1.06 * ax.dataLim.y1))
     _finish(ax, numbers)
     return ax
 
@@ -41,7 +41,7 @@ def errors_and_deviations(calibration: Calibration, ax: Axes) -> Axes:
     ax.errorbar(numbers, 0 * deviations, deviations, **style, label="± 2 deviations")
     ax.plot(numbers, 100 * frame["calibrated_error"], "o", color=MARK, label="calibrated")
     ax.plot(numbers, 100 * frame["left_out_error"], "x", color=COMPUTED, label="left out")
-    ax.set(xlabel="measurement", ylabel="computed over measured frequency, less one [%]")
+    ax.set(xlabel="measurement", ylabel="computed over measured, less one [%]")
     _finish(ax, numbers)
     return ax
 
@@ -57,4 +57,4 @@ def calibration_figure(calibration: Calibration) -> Figure:
 def _finish(ax: Axes, numbers: Any) -> None:
     ax.set_xticks(np.asarray(numbers))
     ax.grid(alpha=0.3)
-    ax.legend(frameon=False)
+    ax.legend(frameon=False, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.12))
