@@ -146,7 +146,10 @@ class Calibration(ReadOnly):
             result = self._result(one)
             if result is not None:
                 notes[one.path] = f", fitted ± {result['deviation']:.{DIGITS}g}"
-        story = (f"Command: {command}", *(f"{words.capital(line)}." for line in self.findings))
+        story = (
+            f"Command: {command}",
+            *(words.sentence(words.capital(line)) for line in self.findings),
+        )
         return retold(self.machine, self.today, "calibrated", story, notes)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:

@@ -135,6 +135,11 @@ def _direction(fit: Fit, names: list[str], direction: Array) -> str:
     return f"{', '.join(parts)} together change the frequencies {most}"
 
 
+def sentence(text: str) -> str:
+    """Words with their full stop; a question has its mark."""
+    return text if text.endswith("?") else f"{text}."
+
+
 def capital(text: str) -> str:
     """A sentence that begins with a capital, unless it begins with a key path or column."""
     return text if "." in text.split(" ")[0] else text[:1].upper() + text[1:]

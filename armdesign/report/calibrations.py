@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from armdesign.calibration.words import sentence
 from armdesign.report.sheet import Sheet
 from armdesign.units import percent
 
@@ -16,11 +17,7 @@ if TYPE_CHECKING:
 
 def calibration_sheets(calibration: Calibration) -> list[Sheet | str]:
     """Values, measurements, and the findings in words."""
-    return [
-        _values(calibration),
-        _measurements(calibration),
-        *(f"{line}." for line in calibration.findings),
-    ]
+    return [_values(calibration), _measurements(calibration), *map(sentence, calibration.findings)]
 
 
 def _values(calibration: Calibration) -> Sheet:
