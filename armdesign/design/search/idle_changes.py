@@ -15,21 +15,21 @@ from armdesign.design.search.rounding import CheckedMachine
 from armdesign.design.search.sequential_sdp import Search
 from armdesign.machine.file.machine_file import flat
 
-NOTHING = 1e-9  # share of the frequency that may be lost; floats lose as much
-WORTH = 1e-4  # share of ω² that pins put back may cost before all is drawn
+NOTHING = 1e-4  # share of the frequency that all cylinders put back may cost
+WORTH = 2e-3  # share of ω² that pins put back may cost before all is drawn
 OF_SIZES = ("bore_mm", "rod_mm", "dead_volume_l")  # what follows the size that was chosen
 
 
 def without_idle_changes(
     best: CheckedMachine, search: Search, sizes: Sizes | None
 ) -> CheckedMachine:
-    """The machine with every cylinder as it is today whose changes gain nothing.
+    """The machine with every cylinder as it is today whose changes gain next to nothing.
 
-    A cylinder keeps its new size where today's is none of the catalogue. Own masses follow all
-    changes of a design: with them it is left alone.
+    A cylinder keeps its new size where today's is none of the catalogue; if it has own masses,
+    which follow sizes and pins, it is then left as it was found.
     """
-    problem = search.problem
-    for i in problem.vector.moving if problem.vector.moving_masses is None else ():
+    problem, least = search.problem, best.judged * (1 - NOTHING)
+    for i in problem.vector.moving:
         x = search.x.copy()
         entries = list(problem.vector.moves(i))
         x[entries] = problem.vector.start[entries]
@@ -37,7 +37,7 @@ def without_idle_changes(
             continue
         for changes in _back(best, problem, i, sizes):
             other = CheckedMachine.of(best.machine.replace(changes), best.problem)
-            if other.allowed and other.judged >= best.judged * (1 - NOTHING):
+            if other.allowed and other.judged >= least:
                 best = other
                 break
     return best
@@ -59,4 +59,5 @@ def _back(
     own = cylinder.bore, cylinder.rod
     if sizes is None or own in offered(cylinder, sizes, *problem.vector.resized[i]):
         yield back
-    yield lengths
+    if problem.vector.moving_masses is None:
+        yield lengths
