@@ -18,6 +18,7 @@ from armdesign.sweeps.worker import Outcome, Study, answer, died, forget, is_pre
 
 PATIENCE = 10.0  # [s] for which a scheduler may be silent at the start
 PREFIX = "armdesign-"
+NOT_TAKEN = "its worker could not take the study, as its log says: is it of another version?"
 PAUSE, PAUSES = 0.2, 50  # [s] of a worker that has no study, before it passes a case on; how often
 
 
@@ -45,17 +46,24 @@ def on_cluster(
     try:
         client.register_plugin(_plugin(study), name=plugin)
         client.subscribe_topic("all", lambda event: lost.extend(_lost(event)))
-        named = {f"{plugin}-{case.key}": case for case in cases}
-        futures = [
-            client.submit(_answered, study.name, case, key=name, pure=False)
-            for name, case in named.items()
-        ]
-        for future in as_completed(futures, loop=client.loop):
+        named: dict[str, Case] = {}
+
+        def submitted(case: Case) -> Any:
+            name = f"{plugin}-{len(named)}-{case.key}"
+            named[name] = case
+            return client.submit(_answered, study.name, case, key=name, pure=False)
+
+        futures = as_completed([submitted(case) for case in cases], loop=client.loop)
+        for future in futures:
             while lost:
                 if (name := lost.popleft()) in named:
                     died_at(named[name])
-            yield named[str(future.key)], _outcome(future, address)
+            case, outcome = named[str(future.key)], _outcome(future, address)
             future.release()
+            if outcome.error == NOT_TAKEN and _is_taken(client, study):
+                futures.add(submitted(case))  # others were busy
+            else:
+                yield case, outcome
         client.unregister_worker_plugin(plugin)
     finally:
         client.close(timeout=PATIENCE)  # which drops what is still to do
@@ -86,13 +94,19 @@ def _plugin(study: Study) -> Any:
     return Prepared()
 
 
+def _is_taken(client: Any, study: Study) -> bool:
+    """Whether any worker has the study."""
+    return any(client.run(is_prepared, study.name, on_error="ignore").values())
+
+
 _passed_on: Counter[tuple[str, str]] = Counter()  # studies and cases that this worker left
 
 
 def _answered(name: str, case: Case) -> Outcome:
     """The outcome of a case; a worker that could not take the study leaves it to others.
 
-    It says why in its own log. Where the case comes back again and again, it has no other.
+    It says why in its own log. Where the case comes back again and again, others are busy, or
+    there are none.
     """
     from distributed import Reschedule
 
@@ -100,8 +114,8 @@ def _answered(name: str, case: Case) -> Outcome:
         return answer(name, case)
     _passed_on[name, case.key] += 1
     if _passed_on[name, case.key] > PAUSES:
-        words = "its worker could not take the study, as its log says: is it of another version?"
-        return Outcome(answer={}, seconds=0.0, error=words, final=False)
+        del _passed_on[name, case.key]
+        return Outcome(answer={}, seconds=0.0, error=NOT_TAKEN, final=False)
     time.sleep(PAUSE)
     raise Reschedule
 
