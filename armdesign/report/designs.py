@@ -14,7 +14,7 @@ from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
 from armdesign.report.maps import LOWEST, between_poses, spread_sheet
 from armdesign.report.performance import performance_sheet
-from armdesign.report.sheet import Sheet, dimensions, spring_note, worst_pose_text
+from armdesign.report.sheet import Sheet, dimensions, limiting_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         *filter(None, [between_poses({"today": design.before, "new": design.after})]),
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
         f"{made_for.get(design.made_for, '')}before rounding {_reached(design, design.unrounded)}",
-        *filter(None, [spring_note(design.machine, after.cylinder)]),
+        *filter(None, [limiting_note(design.machine, after.cylinder)]),
     ]
     reached = notes_on_starts(design) + _buildability(design)
     title = design.today.section.title or design.today.name
@@ -387,7 +387,7 @@ def summary(design: Design) -> str:
     """The result in one sentence."""
     before, after = design.before.worst, design.after.worst
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
-    if stuck := spring_note(design.machine, after.cylinder):
+    if stuck := limiting_note(design.machine, after.cylinder):
         limiting += f"; {stuck}"
     return (
         f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"

@@ -10,7 +10,7 @@ from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.bands import Bands
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
 from armdesign.report.lift_charts import lift_charts, lift_sheet
-from armdesign.report.sheet import Sheet, spring_note, worst_pose_text
+from armdesign.report.sheet import Sheet, limiting_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
-    springs, reliefs = spring_note(machine, worst.cylinder), _relief_note(frequencies, units)
+    springs, reliefs = limiting_note(machine, worst.cylinder), _relief_note(frequencies, units)
     notes = between_poses({"": frequencies}), springs, reliefs, _rest_note(frequencies)
     frequency = f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")
     return Sheet(

@@ -52,7 +52,7 @@ def worst_pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP)
     return f"{pose_text(machine, worst.q, units)}, payload {worst.payload}"
 
 
-def spring_note(machine: Machine, limiting: str) -> str:
+def limiting_note(machine: Machine, limiting: str) -> str:
     """Note that a spring or motor limits; empty where ``limiting`` is a cylinder."""
     if limiting in [motor.name for motor in machine.motors]:
         return f"the {limiting} motor limits there, which no search changes"

@@ -28,9 +28,7 @@ def terminal_table(sheet: Sheet, room: int) -> Table:
 
     heads = [head.replace(" [", "\n[") for head in sheet.columns or ("", "")]
     texts = [[head, *cells] for head, *cells in zip(heads, *sheet.rows, strict=True)]
-    words = [
-        not sheet.columns or i == 0 or head in sheet.words for i, head in enumerate(sheet.columns)
-    ] or [True, True]
+    words = [not i or head in sheet.words for i, head in enumerate(sheet.columns)] or [True, True]
     gap = 3 if len(heads) < MANY else 2
     widths = [_longest(text.split("\n") for text in column) for column in texts]
     if _total(widths, gap) > room:

@@ -19,15 +19,20 @@ if TYPE_CHECKING:
 COLUMNS = ("pose, load", "cylinder", "valve", "linear", "fitted", "deviation", "linear ζ", "ζ")
 
 
-def validation_sheet(validations: Mapping[str, Validation]) -> Sheet:
-    """Linear against fitted frequencies of validations by label; failures below the table."""
+def validation_sheet(
+    validations: Mapping[str, Validation], told: Mapping[str, Validation] | None = None
+) -> Sheet:
+    """Linear against fitted frequencies of validations by label; failures below the table.
+
+    Those of the validations that are ``told``, if any are given, else of the table's.
+    """
     friction = any(run.with_friction for one in validations.values() for run in one.runs)
     rows = [_row(label, one, friction) for label, of in validations.items() for one in of.sweeps]
     return Sheet(
         title="Nonlinear simulation: frequency [Hz] and damping fitted to a small slow sweep",
         columns=(*COLUMNS, *(("dry",) if friction else ()), "remark"),
         rows=tuple(rows),
-        note=f"{_note(friction)}{_failed(validations)}",
+        note=f"{_note(friction)}{_failed(told or validations)}",
     )
 
 
@@ -143,10 +148,8 @@ def limiting_sheet(proofs: Mapping[str, Validation]) -> Sheet:
     every = {
         f"{k}, {pose}": one for k, proof in proofs.items() for pose, one in proof.by_pose.items()
     }
-    sheet = validation_sheet(worst)
-    note = sheet.note.removesuffix(_failed(worst)) + _failed(every)
-    said = verdict(list(proofs.values()))
-    return dataclasses.replace(sheet, note=f"{said} (validation.csv); {note}")
+    sheet, said = validation_sheet(worst, told=every), verdict(list(proofs.values()))
+    return dataclasses.replace(sheet, note=f"{said} (validation.csv); {sheet.note}")
 
 
 def _largest(runs: Sequence[FittedMode]) -> str:

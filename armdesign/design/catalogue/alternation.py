@@ -11,7 +11,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.catalogue.branch_and_bound import SizeSelection, select
 from armdesign.design.catalogue.separable import TOLERANCE, allowed_sizes
-from armdesign.design.catalogue.sizes import Sizes, offered, size_in_mm
+from armdesign.design.catalogue.sizes import Sizes, is_offered, offered, size_in_mm
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.file_changes import changes_of_sizes
 from armdesign.design.search.infeasibility.best_choice import Choice, best_choice
@@ -321,8 +321,7 @@ def _in_catalogue(problem: Problem, chosen: ChosenSizes, sizes: Sizes) -> bool:
     cylinders = problem.machine.cylinders
     pairs = zip(cylinders, chosen, problem.vector.resized, strict=False)  # motors have none
     return len(chosen) == len(cylinders) and all(
-        size is not None and any(np.allclose(size, pair) for pair in offered(c, sizes, *free))
-        for c, size, free in pairs
+        size is not None and is_offered(c, size, sizes, *free) for c, size, free in pairs
     )
 
 

@@ -148,6 +148,11 @@ def read_sizes(path: str | Path) -> Sizes:
     return sizes_of(pairs)
 
 
+def is_offered(cylinder: Cylinder, size: tuple[float, float], sizes: Sizes, *varies: bool) -> bool:
+    """Whether a size is among those that a cylinder is ``offered``."""
+    return any(np.allclose(size, pair) for pair in offered(cylinder, sizes, *varies))
+
+
 def offered(cylinder: Cylinder, sizes: Sizes, bore_varies: bool, rod_varies: bool) -> Sizes:
     """Sizes of a catalogue that leave a bore or rod that may not vary as it is.
 

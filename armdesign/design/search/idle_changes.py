@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from armdesign.design.catalogue.sizes import Sizes, offered
+from armdesign.design.catalogue.sizes import Sizes, is_offered
 from armdesign.design.program.problem import Problem
 from armdesign.design.search.rounding import CheckedMachine
 from armdesign.design.search.sequential_sdp import Search
@@ -57,7 +57,7 @@ def _back(
     if not lengths:
         return
     own = cylinder.bore, cylinder.rod
-    if sizes is None or own in offered(cylinder, sizes, *problem.vector.resized[i]):
+    if sizes is None or is_offered(cylinder, own, sizes, *problem.vector.resized[i]):
         yield back
     if problem.vector.moving_masses is None:
         yield lengths
