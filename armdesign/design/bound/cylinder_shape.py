@@ -44,8 +44,9 @@ class Shape:
 
     The first two angles are of the closed and the open cylinder. ``sign`` is the sign of the
     moment arm. ``fixed`` are closed length and stroke where no pin moves: today's, which may
-    exceed what the joint's range needs. ``pin_boxes`` say which b and scale belong together; None
-    if all of the region do: b is then the move of ``pin``.
+    exceed what the joint's range needs. ``spare`` are the shares of the stroke that stay free at
+    the first two angles where a pin moves. ``pin_boxes`` say which b and scale belong together;
+    None if all of the region do: b is then the move of ``pin``.
     """
 
     constant: Array
@@ -55,8 +56,14 @@ class Shape:
     high: Array
     scale: tuple[float, float]
     fixed: tuple[float, float] | None = None
+    spare: tuple[float, float] = (0.0, 0.0)
     pin_boxes: TriangleBoxes | None = None
     pin: str = "base"
+
+    @property
+    def per_travel(self) -> float:
+        """Stroke over the travel between the first two angles."""
+        return 1 / (1 - sum(self.spare))
 
     @property
     def region(self) -> tuple[Array, Array]:
@@ -124,7 +131,7 @@ class Natural:
     def whole(self) -> Flags:
         """Whether nothing had to be cut off (m,)."""
         u, first = self._uncut
-        ends = self.open - self.closed
+        ends = self._swept
         return np.asarray(
             np.all((u.low >= LEAST) & (first.low >= LEAST), axis=1) & (ends.low >= LEAST)
         )
@@ -165,7 +172,7 @@ class Natural:
     def closed(self) -> Interval:
         """Least length (m,)."""
         return (
-            self._end(0)
+            self._length[:, 0] - self.stroke * self.shape.spare[0]
             if self.shape.fixed is None
             else self.b.like(np.full(len(self.b.low), self.shape.fixed[0]))
         )
@@ -173,21 +180,27 @@ class Natural:
     @cached_property
     def open(self) -> Interval:
         """Greatest length (m,)."""
-        return self._end(1) if self.shape.fixed is None else self.closed + self.shape.fixed[1]
+        if self.shape.fixed is None:
+            return self._length[:, 1] + self.stroke * self.shape.spare[1]
+        return self.closed + self.shape.fixed[1]
 
-    def _end(self, end: int) -> Interval:
-        return self._length[:, end]
+    @cached_property
+    def _swept(self) -> Interval:
+        """The stroke but for what may be cut off (m,)."""
+        if self.shape.fixed is None:
+            return (self._length[:, 1] - self._length[:, 0]) * self.shape.per_travel
+        return self.open - self.closed
 
     @cached_property
     def stroke(self) -> Interval:
         """Stroke S (m,)."""
-        return (self.open - self.closed).above(LEAST)
+        return self._swept.above(LEAST)
 
     @cached_property
     def stroke_slope(self) -> Interval:
         """∂S/∂b (m, 2)."""
         return (
-            self._along[:, 1] - self._along[:, 0]
+            (self._along[:, 1] - self._along[:, 0]) * self.shape.per_travel
             if self.shape.fixed is None
             else self._along[:, 0] * 0.0
         )
@@ -195,13 +208,16 @@ class Natural:
     @cached_property
     def place(self) -> Interval:
         """Piston's place σ = s/S (m, n)."""
-        return (self._length - self.closed[:, None]) * self.stroke.reciprocal()[:, None]
+        fixed = self.shape.fixed is not None
+        start, place = (self.closed, 0.0) if fixed else (self._length[:, 0], self.shape.spare[0])
+        return (self._length - start[:, None]) * self.stroke.reciprocal()[:, None] + place
 
     @cached_property
     def place_slope(self) -> Interval:
         """∂σ/∂b (m, n, 2)."""
         start = self._along[:, :1] if self.shape.fixed is None else 0.0
-        change = self._along - start - self.place[..., None] * self.stroke_slope[:, None]
+        along = self.place - (self.shape.spare[0] if self.shape.fixed is None else 0.0)
+        change = self._along - start - along[..., None] * self.stroke_slope[:, None]
         return change * self.stroke.reciprocal()[:, None, None]
 
     @cached_property
@@ -305,8 +321,7 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
     Known are cylinders that move one joint alone and vary at most by base and rod pins: on a
     revolute joint in the plane of the pins, along a slide, or through a four-bar of given bars.
     """
-    linkage, cylinder = problem.machine.linkages[i], problem.machine.cylinders[i]
-    moves = _moves(problem, i)
+    linkage, moves = problem.machine.linkages[i], _moves(problem, i)
     if len(linkage.joints) != 1 or moves is None:
         return None
     joint = linkage.joints[0]
@@ -314,11 +329,20 @@ def shape_of(problem: Problem, i: int, angles: Array) -> Shape | None:
     ends = problem.machine.ranges[joint][:: int(sign)]
     poses = sweep(problem.machine.arm, joint, np.concatenate([ends, angles]))
     if not moves:
-        return replace(
-            _about(linkage, poses, "base", np.zeros((2, 2)), sign),
-            fixed=(cylinder.closed_length, cylinder.stroke),
-        )
-    if not problem.machine.arm.joints[joint].revolute or "rod_end" not in moves:
+        today = problem.machine.cylinders[i]
+        stays = _about(linkage, poses, "base", np.zeros((2, 2)), sign)
+        return replace(stays, fixed=(today.closed_length, today.stroke))
+    shape = _of_moves(linkage, poses, moves, sign)
+    spare = problem.vector.spare[i]
+    return shape and replace(shape, spare=(float(spare[0]), float(spare[1])))
+
+
+def _of_moves(
+    linkage: Linkage, poses: RigidPoses, moves: dict[str, Array], sign: float
+) -> Shape | None:
+    """The shape where pins move, of all strokes that end with the range."""
+    revolute = linkage.arm.joints[linkage.joints[0]].revolute
+    if not revolute or "rod_end" not in moves:
         return _shifted(linkage, poses, moves, sign)
     if "base" not in moves:
         return _about(linkage, poses, "rod_end", moves["rod_end"], sign)

@@ -269,11 +269,12 @@ def _cells(problem: Problem, i: int) -> list[PinCell]:
     A linkage that moves stays whole: the first leg around its pin says where the rod end is.
     """
     linkage, today = problem.machine.linkages[i], problem.machine.cylinders[i]
+    vector = problem.vector
     low, high = problem.bounds
-    moves = problem.vector.moves(i)
+    moves = vector.moves(i)
     cut = [CUTS if place in ("base", "rod_end") else 1 for place, _ in moves.values()]
     edges = [
-        np.linspace(low[v], high[v], n + 1) * problem.vector.pin_box
+        np.linspace(low[v], high[v], n + 1) * vector.pin_box
         for v, n in zip(moves, cut, strict=True)
     ]
     cells = []
@@ -282,21 +283,25 @@ def _cells(problem: Problem, i: int) -> list[PinCell]:
         for (place, axis), edge, k in zip(moves.values(), edges, chosen, strict=True):
             at = pins.setdefault(place, Interval(*(np.zeros(3) for _ in range(2))))
             at.low[axis], at.high[axis] = edge[k], edge[k + 1]
-        if problem.vector.moved_within(i):
-            cells.append(_around(linkage, pins))
+        if vector.moved_within(i):
+            cells.append(_around(linkage, pins, vector.beyond(i)))
             continue
         closed = interval(today.closed_length)
         if moves:
             joint = linkage.joints[0]
-            end = problem.machine.ranges[joint][0 if problem.vector.arms_today[i][0] > 0 else 1]
-            rigid = sweep(linkage.arm, joint, np.array([end]))
-            closed = _pin_motions(problem, i, rigid).span(pins).length[0]
+            sign = int(np.sign(vector.arms_today[i][0]))
+            rigid = sweep(linkage.arm, joint, problem.machine.ranges[joint][::sign])
+            length, beyond = _pin_motions(problem, i, rigid).span(pins).length, vector.beyond(i)
+            closed = length[0] * (1 + beyond) - length[1] * beyond
         cells.append(PinCell(pins, closed))
     return cells
 
 
-def _around(linkage: Linkage, pins: dict[str, Interval]) -> PinCell:
-    """A box with the rod end anywhere within the first leg's length of its pin, at every pose."""
+def _around(linkage: Linkage, pins: dict[str, Interval], beyond: float) -> PinCell:
+    """A box with the rod end anywhere within the first leg's length of its pin, at every pose.
+
+    Closed lengths are as much less as a share ``beyond`` of the travel.
+    """
     unmoved = interval(np.zeros(3))
     legs = tuple(
         (pins.get(bar, unmoved)[0] + getattr(linkage, bar)).above(0.0) for bar, _ in linkage.legs
@@ -308,8 +313,9 @@ def _around(linkage: Linkage, pins: dict[str, Interval]) -> PinCell:
         - pins.get("base", unmoved)
         + (np.array(_hub(linkage).at) - np.array(linkage.base.at))
     )
-    closed = span.square().sum(axis=0).sqrt()
-    unit = span * closed.above(TINY).reciprocal()
+    length = span.square().sum(axis=0).sqrt()
+    unit = span * length.above(TINY).reciprocal()
+    closed = (length - Interval(np.array(0.0), beyond * (length.high - length.low))).above(0.0)
     way = unit.within(Interval(np.full(3, -1.0), np.full(3, 1.0))) * closed
     return PinCell({**pins, "rod_end": rod_end}, closed, legs, way)
 

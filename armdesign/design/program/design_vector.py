@@ -13,13 +13,14 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags, remembered
 from armdesign.design.program.moving_masses import MovingMasses, masses, with_masses
 from armdesign.design.program.variables import Variable, variables
+from armdesign.design.requirements.candidate import spare_shares
 from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
@@ -58,6 +59,8 @@ class DesignVector:
         machine: today's machine, x = ``start``.
         vary: words and key paths of ``variables.py``.
         boxes: for each cylinder how far the coordinates of a place of its linkage may move [m].
+        spare: share of the stroke that each cylinder keeps free at the closed and the open end of
+            its joint's range (nc, 2).
         chosen_lengths: closed length and stroke [m] of cylinders for which they are chosen; None,
             or no entry, where they are what the joint's range takes.
     """
@@ -65,6 +68,7 @@ class DesignVector:
     machine: Machine
     vary: tuple[str, ...]
     boxes: tuple[Mapping[str, float], ...]
+    spare: Array
     chosen_lengths: ChosenLengths = ()
 
     @classmethod
@@ -84,7 +88,8 @@ class DesignVector:
             }
             for c, k in zip(machine.cylinders, machine.linkages, strict=True)
         )
-        return cls(machine=machine, vary=vary, boxes=boxes)
+        spare = spare_shares(machine, requirements.end_margin)
+        return cls(machine=machine, vary=vary, boxes=boxes, spare=spare)
 
     # ----------------------------------------------------------------------------------- variables
 
@@ -238,6 +243,18 @@ class DesignVector:
         )
         return closed, stroke
 
+    def covering(self, i: int, least: Any, most: Any) -> tuple[Any, Any]:
+        """Closed length and stroke [m] of cylinder ``i`` that cover lengths, and no more.
+
+        Numbers or arrays, which may be complex.
+        """
+        travel = most - least
+        return least - self.beyond(i) * travel, travel / (1 - self.spare[i].sum())
+
+    def beyond(self, i: int) -> float:
+        """Travel of cylinder ``i`` before its closed end, over that within its joint's range."""
+        return float(self.spare[i, 0] / (1 - self.spare[i].sum()))
+
     @remembered
     def strokes(self, x: Array) -> tuple[Array, Array]:
         """Closed length and stroke (nc,) [m]: today's if pins stay, as chosen, or just enough."""
@@ -247,7 +264,7 @@ class DesignVector:
             if (poses := self.range_poses[i]) is not None:
                 with np.errstate(invalid="ignore"):
                     length = linkages[i].length(poses)
-                closed[i], stroke[i] = length.min(), np.ptp(length)
+                closed[i], stroke[i] = self.covering(i, length.min(), length.max())
         for i, chosen in enumerate(self.chosen_lengths):
             closed[i], stroke[i] = chosen or (closed[i], stroke[i])
         return closed, stroke

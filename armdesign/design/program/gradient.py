@@ -79,9 +79,9 @@ class SteppedDesign:
         closed, stroke = map(self._variants, self.vector.strokes_today)
         for i in self.vector.moving:
             if (swept := self.sweeps[i]) is not None:
-                length = swept[0]
-                closed[:, i] = length[:, length[0].real.argmin()]
-                stroke[:, i] = length[:, length[0].real.argmax()] - closed[:, i]
+                length, order = swept[0], swept[0][0].real.argsort()
+                both = self.vector.covering(i, length[:, order[0]], length[:, order[-1]])
+                closed[:, i], stroke[:, i] = both
         for i, chosen in enumerate(self.vector.chosen_lengths):
             closed[:, i], stroke[:, i] = chosen or (closed[:, i], stroke[:, i])
         return closed, stroke

@@ -26,6 +26,7 @@ from armdesign.mechanism.linkage.base import Linkage
 if TYPE_CHECKING:
     from armdesign.design.requirements.settings import Requirements
 
+NO_REST = 1e-4  # [m] that joint limits, rounded to where a stroke ends, may seem to leave free
 CHECKED_POSES = 181  # over a joint's range, at which a machine is judged and described
 
 
@@ -87,6 +88,30 @@ class Reference:
     def old(self) -> MachineCandidate:
         """Today's machine as a candidate."""
         return MachineCandidate(self.today, self)
+
+    @cached_property
+    def spare(self) -> Array:
+        """Shares of their strokes that cylinders keep free, as by ``spare_shares`` (nc, 2)."""
+        return spare_shares(self.today, self.requirements.end_margin)
+
+
+def spare_shares(today: Machine, end_margin: float) -> Array:
+    """Share of its stroke that each cylinder keeps free at its joint's range ends (nc, 2).
+
+    At the closed and the open one: what today's has left there, at most ``end_margin``. That is
+    none where its stroke ends the range, but some where the joint's limit or the stroke of
+    another cylinder does, beside it. None across several joints.
+    """
+    spare = np.zeros((len(today.cylinders), 2))
+    for i, (linkage, cylinder) in enumerate(zip(today.linkages, today.cylinders, strict=True)):
+        if len(linkage.joints) == 1:
+            joint = linkage.joints[0]
+            least, most = sorted(linkage.length(sweep(today.arm, joint, today.ranges[joint])))
+            free = np.array([least - cylinder.closed_length, cylinder.open_length - most])
+            spare[i] = np.where(
+                free < NO_REST, 0.0, np.minimum(free / cylinder.stroke, end_margin)
+            )
+    return spare
 
 
 @lru_cache(maxsize=8)

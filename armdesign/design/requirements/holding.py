@@ -39,7 +39,8 @@ class Holding:
 
     Attributes:
         end_margin: share of the stroke that every cylinder keeps free at both ends, in today's
-            workspace.
+            workspace. A new stroke keeps it beyond a joint's limit too, or as much of it as
+            today's does.
         holding_share: static force over what supply against return pressure gives, at most.
     """
 

@@ -100,19 +100,26 @@ def strokes_and_boxes(
 def range_covered(new: Candidate, reference: Reference, i: int) -> Iterator[Evaluation]:
     """Closed and open length of a cylinder that moves one joint reach both ends of its range.
 
-    Within ``SHORT`` along a slide, where strokes in whole steps of a coarse grid would otherwise
-    depend on the last micrometre.
+    With the share of the stroke beyond them that today's cylinder has there, up to ``end_margin``:
+    where a joint's limit ends the range, the new stroke does not end with it. Within ``SHORT``
+    along a slide, where strokes in whole steps of a coarse grid would otherwise depend on the
+    last micrometre.
     """
     swept, today = new.sweeps[i], reference.today
     assert swept is not None
     name, stroke = today.cylinders[i].name, today.cylinders[i].stroke
     joint = today.linkages[i].joints[0]
-    words = f"stroke covers {today.joints[joint]}"
-    spare = 0.0 if today.arm.joints[joint].revolute else SHORT
+    short = 0.0 if today.arm.joints[joint].revolute else SHORT
     order = swept[0][0].real.argsort()
     closed, opened = new.closed[:, i], new.closed[:, i] + new.stroke[:, i]
-    for end, value, k in (("closed", closed, order[0]), ("open", opened, order[-1])):
-        limit = swept[0][:, k] + (spare if end == "closed" else -spare)
+    for end, value, k, spare in zip(
+        ("closed", "open"), (closed, opened), order[[0, -1]], reference.spare[i], strict=True
+    ):
+        beyond = spare * new.stroke[:, i] - short
+        limit = swept[0][:, k] + (-beyond if end == "closed" else beyond)
+        words = f"stroke covers {today.joints[joint]}"
+        if spare > 0:
+            words += f" with {100 * spare:.2g} % of it free"
         room = limit - value if end == "closed" else value - limit
         yield Evaluation(
             name=f"range.{end}.{name}",

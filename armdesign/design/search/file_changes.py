@@ -114,16 +114,26 @@ def pin_changes(problem: Problem, x: Array) -> dict[str, Any]:
         if poses is None:
             continue
         chosen = (problem.vector.chosen_lengths or {i: None})[i]
-        lengths = chosen or _covering(linkages[i].length(poses), problem.grid.strokes * mm)
+        lengths = chosen or _covering(problem, i, linkages[i].length(poses))
         for key, value in zip(("closed_length_mm", "stroke_mm"), lengths, strict=True):
             changes[f"{name}.{key}"] = round(value / mm, 1)
     return changes
 
 
-def _covering(length: Array, step: float) -> tuple[float, float]:
-    """Closed length on the grid and stroke in steps that cover lengths over a range [m]."""
-    closed = math.floor(length.min() / (GRID * mm) + 1e-6) * GRID * mm
-    return closed, math.ceil((length.max() - closed) / step - 1e-6) * step
+def _covering(problem: Problem, i: int, length: Array) -> tuple[float, float]:
+    """Closed length on the grid and stroke in steps that cover lengths over a range [m].
+
+    A longer stroke keeps more of it free, so that the closed length may have to be less.
+    """
+    spare, step = problem.vector.spare[i], problem.grid.strokes * mm
+    _, stroke = problem.vector.covering(i, length.min(), length.max())
+    while True:
+        least = length.min() - spare[0] * stroke
+        closed = math.floor(least / (GRID * mm) + 1e-6) * GRID * mm
+        needed = math.ceil((length.max() - closed) / (1 - spare[1]) / step - 1e-6) * step
+        if needed <= stroke + 1e-6 * step:
+            return closed, needed
+        stroke = needed
 
 
 def _rounded(value: float, before: float, limit: float, grid: float) -> float:

@@ -65,14 +65,14 @@ def on_lattice(search: Search, any_will_do: bool = False) -> Search:
     best, reach, failed = None, REACH, 0
     for _ in range(ROUNDS):
         promise = lattice.step(about, reach)
-        if best and about is home and not promise.worth_a_round(best.trial):
+        if best and about is home and not promise.worth_a_round(best):
             break
         about = lattice.at(promise.numbers)
-        better = best is None or about.trial.merit > best.trial.merit + PROMISED
+        better = best is None or about.merit > best.merit + PROMISED
         best = about if better else best
         if better and any_will_do and about.trial.limits.values.min() >= 0:
             break
-        astray = about.trial.merit < promise.merit - ASTRAY
+        astray = about.merit < promise.merit - ASTRAY
         home, failed = (about, 0) if better and not astray else (home, failed + 1)
         if astray or failed == FAILED:
             reach /= 2
@@ -83,15 +83,20 @@ def on_lattice(search: Search, any_will_do: bool = False) -> Search:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A design, in a problem with its lengths, as the watched rows see it."""
+    """A design, in a problem with its lengths, as the watched rows see it.
+
+    Its ``merit`` is the trial's, or where any design will do what limits cost, without frequency.
+    """
 
     search: Search
     trial: Trial
+    merit: float
 
     @classmethod
-    def of(cls, search: Search) -> Point:
+    def of(cls, search: Search, any_will_do: bool = False) -> Point:
         """The design at which a search stands."""
-        return cls(search, search.trial(search.x))
+        trial = search.trial(search.x)
+        return cls(search, trial, -_cost(trial) if any_will_do else trial.merit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +110,16 @@ class Promise:
     merit: float
     missed: float
 
-    def worth_a_round(self, best: Trial) -> bool:
+    def worth_a_round(self, best: Point) -> bool:
         """Whether there is enough to win on the best trial, in frequency or by missing less."""
         won = self.merit - best.merit
-        kept = PENALTY * STRICT * (float(amounts_missed(best.limits).sum()) - self.missed)
+        kept = _cost(best.trial) - PENALTY * STRICT * self.missed
         return won > WORTH or (won > PROMISED and kept > PROMISED)
+
+
+def _cost(trial: Trial) -> float:
+    """What its missed limits cost."""
+    return PENALTY * STRICT * float(amounts_missed(trial.limits).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +173,7 @@ class Lattice:
             search, strictness=STRICT, reference=float(f"{search.reference:.{DIGITS}g}")
         )
         start = start.of(_with_lengths(problem, cylinders, own[cylinders]), x)
-        lattice = cls(Point.of(start), entries, cylinders, *columns)
+        lattice = cls(Point.of(start, any_will_do), entries, cylinders, *columns)
         return replace(lattice, any_will_do=any_will_do)
 
     def at(self, numbers: Array) -> Point:
@@ -172,7 +182,7 @@ class Lattice:
         x = self.start.trial.x.copy()
         x[self.entries] = values[:count]
         problem = _with_lengths(self.start.search.problem, self.cylinders, values[count:])
-        return Point.of(self.start.search.of(problem, x))
+        return Point.of(self.start.search.of(problem, x), self.any_will_do)
 
     def numbers(self, point: Point) -> Array:
         """The numbers k of a design; not whole between points of the lattice."""

@@ -32,6 +32,8 @@ CYLINDERS = {
     "bucket": ("rigid_excavator_20t", 2),  # four-bar: its base pin moves
     "telescope": ("rigid_loader_crane", 2),  # along its slide
     "lift": ("patu_boom", 0),
+    "limited lift": ("four_bar_left", 0),  # joint limits end ranges before strokes
+    "limited tilt": ("four_bar_left", 2),
 }
 
 

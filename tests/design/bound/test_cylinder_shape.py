@@ -41,13 +41,13 @@ def test_shapes_hold_lengths_arms_and_bends(
     assert np.all(at <= shape.region[1] + ROUNDING)
     low, high = box_around(at, shape, np.array(width) * 0.2, np.array(place))
     e, scale = shape.enclose(low[:, :2], high[:, :2]), at[2]
-    stroke = np.ptp(length)
+    closed, stroke = (float(lengths[i]) for lengths in problem.vector.strokes(x))
     for part, value in (
         (e.wide.arm[:, 2:], arm / scale),
-        (e.wide.closed, length[[length.argmin()]] / scale),
-        (e.wide.open, length[[length.argmax()]] / scale),
+        (e.wide.closed, np.array([closed / scale])),
+        (e.wide.open, np.array([(closed + stroke) / scale])),
         (e.stroke, np.array([stroke / scale])),
-        (e.place[:, 2:], (length - length.min()) / stroke),
+        (e.place[:, 2:], (length - closed) / stroke),
         (e.rate[:, 2:], arm / stroke),
         (e.bend[:, 2:], exact.moment_arm_derivative[:, joint, joint] / arm),
     ):

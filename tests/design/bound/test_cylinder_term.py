@@ -28,14 +28,18 @@ from tests.design.bound.shapes import (
 
 
 def stiffnesses(
-    machine: Machine, cylinder: Cylinder, length: np.ndarray, force: np.ndarray, area: np.ndarray
+    machine: Machine, cylinder: Cylinder, out: np.ndarray, force: np.ndarray, area: np.ndarray
 ) -> np.ndarray:
-    """Of a cylinder, (areas, lengths) [N/m]."""
-    out, stroke = length - length.min(), np.ptp(length)
+    """Of a cylinder, (areas, extensions) [N/m]."""
     return np.array(
         [
             cylinder.stiffness(
-                out, force, machine.fluid, machine.supply, areas=tuple(pair), stroke=stroke
+                out,
+                force,
+                machine.fluid,
+                machine.supply,
+                areas=tuple(pair),
+                stroke=cylinder.stroke,
             )
             for pair in area
         ]
@@ -64,7 +68,7 @@ def test_terms_hold_stiffness(
     joint, limits = machine.linkages[i].joints[0], cylinder_constraints(problem, i)
     assert limits is not None
     exact = problem.vector.linkages(x)[i].actuation(sweep(machine.arm, joint, angles))
-    arm, stroke = exact.moment_arm[:, joint], np.ptp(exact.length)
+    arm, (closed, stroke) = exact.moment_arm[:, joint], np.stack(problem.vector.strokes(x))[:, i]
     if (arm * shape.sign).min() < 1e-3:
         return  # not a cylinder that works
     old = replace(old, compliance=soft * old.oil_compliance(machine.fluid, machine.supply))
@@ -72,7 +76,8 @@ def test_terms_hold_stiffness(
     weight, gravity = random.uniform(0, 1, len(angles)), random.normal(size=len(angles)) * 1e4
     force, curve = gravity / arm, exact.moment_arm_derivative[:, joint, joint]
     price = random.normal(size=2) * 1e6
-    k = stiffnesses(machine, old, exact.length, force, area)
+    new = replace(old, closed_length=closed, stroke=stroke)
+    k = stiffnesses(machine, new, exact.length - closed, force, area)
     values = (k * arm**2 - force * curve) @ weight - area @ price * stroke
     torque = interval(np.concatenate([[0, 0], gravity * shape.sign]))
     beta = machine.fluid.bulk_modulus

@@ -12,7 +12,15 @@ import pytest
 
 from armdesign.design.catalogue.sizes import BUILDABLE
 from armdesign.design.program.design_vector import ChosenLengths
-from armdesign.design.search.lattice import PENALTY, PROMISED, STRICT, WORTH, Promise, on_lattice
+from armdesign.design.search.lattice import (
+    PENALTY,
+    PROMISED,
+    STRICT,
+    WORTH,
+    Point,
+    Promise,
+    on_lattice,
+)
 from armdesign.design.search.sequential_sdp import Search
 from tests.design.designs import problem_of
 
@@ -80,8 +88,8 @@ def test_a_round_is_worth_frequency_or_a_limit(won: float, kept: float, worth: b
     """``won`` of merit, ``kept`` of it by missing less; the merit of the best trial is known."""
     problem = replace(problem_of("double", MOVING, pin_box=0.4), grid=BUILDABLE)
     search = Search(problem=problem, x=problem.vector.start).look()
-    best = search.trial(search.x)
-    missed = np.maximum(-best.limits.values, 0).sum() - kept / (PENALTY * STRICT)
+    best = Point.of(search)
+    missed = np.maximum(-best.trial.limits.values, 0).sum() - kept / (PENALTY * STRICT)
     promise = Promise(np.zeros(3), best.merit + won, missed)
     assert promise.worth_a_round(best) == worth
 
