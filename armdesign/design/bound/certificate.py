@@ -265,7 +265,7 @@ def certificate_of(
         drawn: whether designs have lengths on the drawing's grid, which x need not.
 
     Bars that weigh are enclosed by intervals over all pins and areas. None is known if no cylinder
-    has a joint to itself and pins that ``cylinder_shape`` knows. A bound that x exceeds, though it
+    has a joint to itself and pins that ``shape_of_pins`` knows. A bound that x exceeds, though it
     is allowed and has sizes of the catalogue, is refused.
     """
     bound = _before_check(problem, x, rows, wanted, drawn)

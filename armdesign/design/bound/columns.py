@@ -10,10 +10,11 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.design.bound.cylinder_constraints import CylinderConstraints, cylinder_constraints
-from armdesign.design.bound.cylinder_shape import Shape, coordinates, shape_of
+from armdesign.design.bound.cylinder_shape import Shape
 from armdesign.design.bound.cylinder_spring import Air
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
+from armdesign.design.bound.shape_of_pins import coordinates, shape_of
 from armdesign.design.program.problem import Problem
 from armdesign.machine.machine import Machine
 
@@ -117,7 +118,7 @@ def joint_drives(
 ) -> tuple[JointDrive, ...]:
     """Cylinders of joints that no other actuator moves but such cylinders.
 
-    Each moves one joint and varies in a way that ``cylinder_shape`` knows, its lengths on the
+    Each moves one joint and varies in a way that ``shape_of_pins`` knows, its lengths on the
     drawing's grid where they are ``drawn``.
     """
     drives = [

@@ -18,10 +18,11 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.design.bound.cylinder_areas import CylinderAreas
 from armdesign.design.bound.cylinder_loads import Loads, loads_of
-from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Shape, shape_of
+from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Shape
 from armdesign.design.bound.drawn_lengths import DrawnLengths, largest
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
+from armdesign.design.bound.shape_of_pins import shape_of
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_factor
 from armdesign.design.program.problem import Problem
 from armdesign.machine.file.schema import share_of

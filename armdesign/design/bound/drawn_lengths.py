@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.bound.cylinder_shape import Shape, coordinates
+from armdesign.design.bound.cylinder_shape import Shape
 from armdesign.design.bound.intervals import Interval
+from armdesign.design.bound.shape_of_pins import coordinates
 from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.places import Outline, depth

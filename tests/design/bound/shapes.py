@@ -8,7 +8,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from armdesign import Requirements, Workspace
-from armdesign.design.bound.cylinder_shape import Shape, shape_of
+from armdesign.design.bound.cylinder_shape import Shape
+from armdesign.design.bound.shape_of_pins import shape_of
 from armdesign.design.program.problem import Problem
 from tests.machines import named
 

@@ -14,7 +14,7 @@ import armdesign as ad
 from armdesign import Requirements, Workspace
 from armdesign.design.bound.certificate import Certificate, certificate_of
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
-from armdesign.design.bound.cylinder_shape import coordinates
+from armdesign.design.bound.shape_of_pins import coordinates
 from armdesign.design.catalogue.alternation import with_sizes
 from armdesign.design.catalogue.sizes import BUILDABLE, Sizes, relative_areas, sizes_of
 from armdesign.design.program.constraints import constraints_at

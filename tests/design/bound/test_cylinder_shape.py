@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from armdesign.design.bound.cylinder_shape import coordinates
+from armdesign.design.bound.shape_of_pins import coordinates
 from armdesign.mechanism.joint_ranges import sweep
 from tests.design.bound.shapes import (
     CYLINDERS,

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 
 from armdesign import Machine
 from armdesign.design.bound.cylinder_constraints import cylinder_constraints
-from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.cylinder_spring import CylinderSpring, Structure
 from armdesign.design.bound.cylinder_term import CylinderTerm
 from armdesign.design.bound.intervals import Interval, interval
+from armdesign.design.bound.shape_of_pins import coordinates
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.joint_ranges import sweep
 from tests.design.bound.shapes import (
@@ -71,16 +71,15 @@ def test_terms_hold_stiffness(
     arm, (closed, stroke) = exact.moment_arm[:, joint], np.stack(problem.vector.strokes(x))[:, i]
     if (arm * shape.sign).min() < 1e-3:
         return  # not a cylinder that works
-    old = replace(old, compliance=soft * old.oil_compliance(machine.fluid, machine.supply))
+    compliance = soft * old.oil_compliance(machine.fluid, machine.supply)
+    old = replace(old, compliance=compliance, closed_length=closed, stroke=stroke)
     area = np.array([old.bore_area, old.annulus_area]) * random.uniform(0.5, 1.1, (5, 2))
     weight, gravity = random.uniform(0, 1, len(angles)), random.normal(size=len(angles)) * 1e4
     force, curve = gravity / arm, exact.moment_arm_derivative[:, joint, joint]
     price = random.normal(size=2) * 1e6
-    new = replace(old, closed_length=closed, stroke=stroke)
-    k = stiffnesses(machine, new, exact.length - closed, force, area)
+    k = stiffnesses(machine, old, exact.length - closed, force, area)
     values = (k * arm**2 - force * curve) @ weight - area @ price * stroke
-    torque = interval(np.concatenate([[0, 0], gravity * shape.sign]))
-    beta = machine.fluid.bulk_modulus
+    torque, beta = interval(np.append([0, 0], gravity * shape.sign)), machine.fluid.bulk_modulus
     structure = Structure(np.full(len(angles) + 2, old.compliance), beta, torque)
     share = CylinderTerm(
         shape=shape,

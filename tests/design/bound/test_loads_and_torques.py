@@ -20,8 +20,8 @@ from armdesign.design.bound.cylinder_constraints import (
     cylinder_constraints,
 )
 from armdesign.design.bound.cylinder_loads import Loads
-from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.intervals import Interval
+from armdesign.design.bound.shape_of_pins import coordinates
 from armdesign.design.program.constraints import constraints_at, evaluations_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.holding import Lift

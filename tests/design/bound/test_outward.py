@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 import armdesign as ad
 from armdesign.design.bound import outward, regions
 from armdesign.design.bound.certificate import certificate_of
-from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.intervals import Interval, Outward
 from armdesign.design.bound.outward import Proof, certified, most_of
+from armdesign.design.bound.shape_of_pins import coordinates
 from armdesign.design.catalogue.alternation import with_sizes
 from armdesign.design.catalogue.sizes import BUILDABLE
 from armdesign.design.program.constraints import constraints_at

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from armdesign.design.bound.cylinder_shape import coordinates
 from armdesign.design.bound.intervals import Interval
+from armdesign.design.bound.shape_of_pins import coordinates
 from tests.design.bound.shapes import (
     ROUNDING,
     box_around,
