@@ -60,7 +60,7 @@ def on_cluster(
                     died_at(named[name])
             case, outcome = named[str(future.key)], _outcome(future, address)
             future.release()
-            if outcome.error == NOT_TAKEN and _is_taken(client, study):
+            if outcome.error == NOT_TAKEN and _is_taken(client, study, address):
                 futures.add(submitted(case))  # others were busy
             else:
                 yield case, outcome
@@ -94,9 +94,12 @@ def _plugin(study: Study) -> Any:
     return Prepared()
 
 
-def _is_taken(client: Any, study: Study) -> bool:
+def _is_taken(client: Any, study: Study, address: str) -> bool:
     """Whether any worker has the study."""
-    return any(client.run(is_prepared, study.name, on_error="ignore").values())
+    try:
+        return any(client.run(is_prepared, study.name, on_error="ignore").values())
+    except (OSError, RuntimeError, AttributeError):  # the last two once a client has given up
+        raise _gone(address) from None
 
 
 _passed_on: Counter[tuple[str, str]] = Counter()  # studies and cases that this worker left
@@ -136,6 +139,10 @@ def _outcome(future: Any, address: str) -> Outcome:
     except KilledWorker as error:
         return died(1 + int(error.allowed_failures))
     except CancelledError:
-        fault = f"{address} is gone"
-        raise ArmDesignError("--scheduler", fault, "start it and run the sweep again") from None
+        raise _gone(address) from None
     return outcome
+
+
+def _gone(address: str) -> ArmDesignError:
+    remedy = "start it and run the sweep again"
+    return ArmDesignError("--scheduler", f"{address} is gone", remedy)

@@ -17,7 +17,9 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
+from armdesign.sweeps.cluster import _client, _is_taken
 from armdesign.sweeps.sweep import sweep
+from armdesign.sweeps.worker import Study
 
 QUIET = [  # what the scheduler's client leaves open
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
@@ -30,8 +32,8 @@ Start = Callable[..., "subprocess.Popen[bytes]"]
 
 
 @contextmanager
-def dask(folder: Path) -> Iterator[tuple[str, Start]]:
-    """Address of a scheduler, and a function that starts a worker."""
+def dask(folder: Path) -> Iterator[tuple[str, Start, subprocess.Popen[bytes]]]:
+    """Address of a scheduler, a function that starts a worker, and the scheduler's process."""
     with socket.socket() as free, ExitStack() as stack:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -51,13 +53,13 @@ def dask(folder: Path) -> Iterator[tuple[str, Start]]:
 
         free.close()
         loopback = ("--host", "127.0.0.1", "--port", str(port))
-        start("dask_scheduler", *loopback, "--no-dashboard", "--no-show")
-        yield address, worker
+        scheduler = start("dask_scheduler", *loopback, "--no-dashboard", "--no-show")
+        yield address, worker, scheduler
 
 
 def test_a_worker_killed_and_one_started_late_lose_and_double_nothing(tmp_path: Path) -> None:
     journal = tmp_path / "j.sqlite"
-    with dask(tmp_path) as (address, worker):
+    with dask(tmp_path) as (address, worker, _):
         first, messages = worker(), list[str]()
         worker()
 
@@ -88,10 +90,30 @@ def test_a_scheduler_that_is_not_there_is_named() -> None:
         ad.sweep("paper_1dof", MODULI, scheduler="tcp://127.0.0.1:9")
 
 
+def test_a_scheduler_that_is_killed_is_gone(tmp_path: Path) -> None:
+    """While cases come, and while a client asks who has the study, once and again."""
+    with dask(tmp_path) as (address, worker, scheduler):
+        worker()
+        client = _client(address)
+
+        def say(text: str) -> None:
+            if text.startswith("3 of"):
+                scheduler.kill()
+
+        with pytest.raises(ad.ArmDesignError, match=f"{address} is gone; start it"):
+            sweep("paper_1dof", MODULI, points=40, scheduler=address, say=say)
+        nothing = {"machines": {}, "task": "map", "options": {}, "workspace": None, "points": 3}
+        study = Study(identity="one", version="0", **nothing)
+        for _ in range(2):
+            with pytest.raises(ad.ArmDesignError, match=f"{address} is gone; start it"):
+                _is_taken(client, study, address)
+        client.close(timeout=1)
+
+
 def test_two_sweeps_of_one_study_on_one_scheduler(tmp_path: Path) -> None:
     """The one that ends first leaves the other its workers; both have cases in common."""
     few, many = ({"fluid.bulk_modulus_MPa": [900.0 + n for n in range(k)]} for k in (8, 40))
-    with dask(tmp_path) as (address, worker):
+    with dask(tmp_path) as (address, worker, _):
         worker()
         with ThreadPoolExecutor(2) as pool:
             frames = list(
@@ -111,7 +133,7 @@ def test_a_late_worker_of_another_version_gets_no_case(tmp_path: Path) -> None:
     shim = "import importlib.metadata as m\nold = m.version\n"
     shim += "m.version = lambda name: '0.0.9' if name == 'armdesign' else old(name)\n"
     (tmp_path / "sitecustomize.py").write_text(shim)
-    with dask(tmp_path) as (address, worker):
+    with dask(tmp_path) as (address, worker, _):
         worker()
 
         def say(text: str) -> None:
