@@ -12,10 +12,10 @@ from armdesign.plots.canvas import (
     INK,
     MARK,
     Style,
-    below,
     figure,
     joint_label,
     joint_values,
+    legend_below,
     literal,
     plain_decades,
     title_of,
@@ -80,8 +80,7 @@ def bandwidth_map(
         label = f"{words}: {row[f'{scheme}_hz']:.3g} Hz"
         ax.plot(*at, "o", ms=size, mfc="none", mec="white", mew=4)
         ax.plot(*at, "o", ms=size, mfc="none", mec=colour, mew=2, label=label)
-    place: Style = {"bbox_transform": below(ax, 0.45), "bbox_to_anchor": (0.5, 0.0)}
-    ax.legend(loc="upper center", labelspacing=1.1, **place)  # rings apart
+    legend_below(ax, labelspacing=1.1)  # rings apart
     return ax
 
 
@@ -159,4 +158,4 @@ def _curves(ax: Axes, bandwidths: BandwidthMap, scheme: str) -> None:
         ax.plot(q, rows["rule_hz"], "--", lw=1, color=colour, label=f"{payload}: f/3")
     ax.set(xlabel=joint_label(joint), ylabel=BANDWIDTH)
     plain_decades(ax)
-    ax.legend(loc="upper center", bbox_transform=below(ax, 0.45), bbox_to_anchor=(0.5, 0.0))
+    legend_below(ax)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, literal
+from armdesign.plots.canvas import COMPUTED, INK, MARK, Style, figure, legend_below, literal
 
 if TYPE_CHECKING:
     from armdesign.calibration.calibrate import Calibration
@@ -57,4 +57,4 @@ def calibration_figure(calibration: Calibration) -> Figure:
 def _finish(ax: Axes, numbers: Any) -> None:
     ax.set_xticks(np.asarray(numbers))
     ax.grid(alpha=0.3)
-    ax.legend(frameon=False, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.12))
+    legend_below(ax, ncols=2)

@@ -134,6 +134,12 @@ def below(ax: Axes, inches: float) -> Any:
     return ax.transAxes + ScaledTranslation(0, -inches, ax.figure.dpi_scale_trans)
 
 
+def legend_below(ax: Axes, **style: Any) -> None:
+    """Legend below axes and the label of their lower one, where it hides no curve."""
+    place = {"bbox_transform": below(ax, 0.45), "bbox_to_anchor": (0.5, 0.0)}
+    ax.legend(loc="upper center", **place, **style)
+
+
 def colours_between(values: Array, least: float, most: float) -> Array:
     """Red, green and blue (n, 3) of numbers on the scale of maps, from 0 to 1."""
     choose_font_cache()

@@ -9,7 +9,17 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.drawing.colours import actuator_colours
-from armdesign.plots.canvas import COMPUTED, CYLINDER, INK, MARK, Style, figure, literal, title_of
+from armdesign.plots.canvas import (
+    COMPUTED,
+    CYLINDER,
+    INK,
+    MARK,
+    Style,
+    figure,
+    legend_below,
+    literal,
+    title_of,
+)
 from armdesign.units import bar, l_per_min, mm
 
 if TYPE_CHECKING:
@@ -66,7 +76,7 @@ def shaper_figure(move: Move) -> Figure:
         for k, frequency in enumerate(move.frequencies[move.frequencies < top].tolist()):
             label = "natural, at the end of the move" if k == 0 else None
             ax.axvline(frequency, color=INK, ls=":", lw=1.0, label=label)
-        _legend(ax)
+        legend_below(ax, fontsize="small")
     return fig
 
 
@@ -90,13 +100,8 @@ def sensitivity_curves(
     ax.set(xlabel="frequency [Hz]", ylabel="residual vibration [% of a step's]")
     ax.set(xlim=(0, top), ylim=(0, 105))
     ax.grid(alpha=0.3)
-    _legend(ax)
+    legend_below(ax, fontsize="small")
     return ax
-
-
-def _legend(ax: Axes) -> None:
-    """Legend below the axes, where it hides no curve."""
-    ax.legend(fontsize="small", frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.14))
 
 
 def _moving(move: Move) -> list[int]:
