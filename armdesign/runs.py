@@ -326,8 +326,13 @@ class OfMachine(OfMachines):
     machine: MachineArgument
 
     def open(self) -> tuple[Machine, Path]:
-        """The machine, and the folder for files."""
+        """The machine, and the folder for files; numbers that look wrong are told at the end."""
+        from armdesign.inspection.implausible_values import suspicions
+
         model = self.load(self.machine)
+        for one in [] if self.quiet else suspicions(model, {})[::-1]:
+            part = f"armdesign: {model.source.name}: {one.part} is taken as it stands"
+            self.until_end.callback(tell, f"{part}, but {one.words}", sys.stderr)
         return model, self.folder(model.source)
 
 

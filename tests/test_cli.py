@@ -167,6 +167,23 @@ def test_a_map_is_written_and_its_worst_frequency_printed(
     assert "payload full" in printed
 
 
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_number_that_looks_wrong_is_told_after_the_answer(
+    quiet: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """1.3 GPa under a key in MPa: the map is of 1.3 MPa, and says so."""
+    words = ["map", "paper_1dof", "--points", "5", "--out", str(tmp_path / "a")]
+    wrong = ["--set", "fluid.bulk_modulus_MPa=1.3", *(["--quiet"] if quiet else [])]
+    assert main(words, monkeypatch) == 0
+    assert not capsys.readouterr().err
+    assert main([*words, *wrong], monkeypatch) == 0
+    told = "fluid.bulk_modulus_MPa is taken as it stands, but 1.3 MPa looks like GPa: write 1300"
+    assert (told in capsys.readouterr().err) != quiet
+
+
 @pytest.mark.slow
 def test_a_second_run_replaces_its_files_and_leaves_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -27,7 +27,8 @@ def suspicions(machine: Machine, shares: Mapping[str, float]) -> list[Finding]:
 
     Args:
         machine: that can be used.
-        shares: by actuator, its largest static force over what the supply holds.
+        shares: by actuator, its largest static force over what the supply holds; without them
+            fewer masses, pressures and bores are doubted.
     """
     yardstick = Yardstick(machine, shares)
     kinds = of_urdf, of_joints, of_places, of_cylinders
