@@ -121,21 +121,31 @@ class Loops(ReadOnly):
             command_margin=1 / largest_norms(S_c - 0.5 * np.eye(S_c.shape[-1])),
             position_margin=1 / largest_norms(S - 0.5 * np.eye(S.shape[-1])),
             loop_margins=1 / np.abs(own - 0.5).max(axis=1),
-            bandwidth=self._bandwidths(np.abs(1 - own)),
-            command_bandwidth=self._bandwidths(np.abs(asked)),
+            bandwidth=self._bandwidths(1 - own),
+            command_bandwidth=self._bandwidths(asked),
             peak=largest_norms(S),
         )
         closing = controller.position.all(axis=1)
         return LoopFigures(*((values.T * closing).T for values in figures))
 
-    def _bandwidths(self, sizes: Array) -> Array:
-        """Where responses of these sizes (n, f, nq) fall below −3 dB first (n, nq) [rad/s]."""
-        widths = np.repeat(self.omega[:, -1:], sizes.shape[2], axis=1)
-        first = (sizes < HALF).argmax(axis=1)
-        for pose, i in np.argwhere((sizes < HALF).any(axis=1)):
-            f = first[pose, i]
-            last = sizes[pose, max(f - 1, 0), i]
-            widths[pose, i] = crossing(self.omega[pose], f, last, sizes[pose, f, i])
+    def _bandwidths(self, responses: Array) -> Array:
+        """Where responses (n, f, nq) fall below −3 dB first (n, nq) [rad/s].
+
+        Between two frequencies their inverse is linear, as of a lag, however far these lie apart.
+        """
+        widths = np.repeat(self.omega[:, -1:], responses.shape[2], axis=1)
+        low = np.abs(responses) < HALF
+        first = low.argmax(axis=1)
+        for pose, i in np.argwhere(low.any(axis=1)):
+            f, omega = first[pose, i], self.omega[pose]
+            if f == 0:
+                widths[pose, i] = below_all(omega, np.abs(responses[pose, 0, i]))
+                continue
+            start, end = 1 / responses[pose, f - 1 : f + 1, i]
+            way = end - start  # |start + share · way|² = 2
+            half, square = (start.conjugate() * way).real, abs(way) ** 2
+            root = math.sqrt(half**2 + square * (2 - abs(start) ** 2))
+            widths[pose, i] = omega[f - 1] + (root - half) / square * (omega[f] - omega[f - 1])
         return widths
 
     def arguments(self, controller: Controller) -> LoopArguments:
@@ -237,14 +247,23 @@ def size_of(S: Array, i: int) -> float:
 
 
 @within
+def below_all(omega: Array, size: float) -> float:
+    """Frequency at −3 dB [rad/s] of a response of a size below it at the first frequency.
+
+    Frequencies begin far below the modes, where it is a lag of first order.
+    """
+    return float(omega[0] * size / math.sqrt(1 - size**2))
+
+
+@within
 def crossing(omega: Array, f: int, last: float, size: float) -> float:
     """Frequency at which a response falls to −3 dB [rad/s], of frequencies omega (f,).
 
-    Its size is below it at the frequency f for the first time, ``last`` at the one before.
-    Below all frequencies, which begin far below the modes, it is a lag of first order.
+    Its size is below it at the frequency f for the first time, ``last`` at the one before. Between
+    them it is straight on logarithmic scales, which is near enough for a search.
     """
     if f == 0:
-        return float(omega[0] * size / math.sqrt(1 - size**2))
+        return below_all(omega, size)
     share = math.log(last / HALF) / math.log(last / size)
     return float(omega[f - 1] * (omega[f] / omega[f - 1]) ** share)
 

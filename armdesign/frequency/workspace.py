@@ -29,8 +29,10 @@ from armdesign.mechanism.joint_ranges import over
 from armdesign.progress import with_bar
 from armdesign.short_repr import short_repr
 from armdesign.threads import in_threads
+from armdesign.units import WORKSHOP
 
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
+REFUSED = 2_000  # poses that a refusal looks at
 MARGIN_TOLERANCE = 1e-9
 
 T = TypeVar("T")
@@ -264,11 +266,32 @@ def _in_stroke(
     """
     inside = _least_margin(machine, q) >= end_margin - MARGIN_TOLERANCE
     if not inside.any():
-        fault = "no pose of it is in stroke"
-        raise ArmDesignError(f"{machine.name}: workspace", fault, "give more points")
+        _refuse_out_of_stroke(machine, q, end_margin)
     poses = {"q": q[inside], "weights": np.pad(weights, (0, len(q) - len(weights)))[inside]}
     made_for = {"end_margin": end_margin, "machine": machine, "kind": kind}
     return Workspace(**poses, **made_for, axes=axes, cells=cells)  # type: ignore[arg-type]
+
+
+def _refuse_out_of_stroke(machine: Machine, q: Array, end_margin: float) -> None:
+    """Raise for poses all out of stroke, with the cylinder that none of them fits, if there is."""
+    few = q[:: 1 + len(q) // REFUSED]
+    margins = machine.margins(few).max(axis=0)
+    worst = int(margins.argmin())
+    if margins[worst] >= end_margin - MARGIN_TOLERANCE:
+        fault = "no pose of it is in stroke"
+        raise ArmDesignError(f"{machine.name}: workspace", fault, "give more points")
+    linkage, cylinder = machine.linkages[worst], machine.cylinders[worst]
+    part = f"{machine.name}: cylinder.{cylinder.name}"
+    if margins[worst] == -np.inf:
+        fault = "closes at no pose of the workspace"
+        raise ArmDesignError(f"{part}.{linkage.key}", fault, linkage.closing_words)
+    with np.errstate(invalid="ignore"):
+        lengths, margin = linkage.length(machine.arm.kinematics(few)), end_margin * cylinder.stroke
+    apart = WORKSHOP.span(float(np.nanmin(lengths)), float(np.nanmax(lengths)), "m")
+    ends = cylinder.closed_length + margin, cylinder.open_length - margin
+    fault = f"over the workspace the pins are {apart} apart, never within"
+    remedy = "change closed_length_mm, stroke_mm or the pins, or give more points"
+    raise ArmDesignError(f"{part}.stroke_mm", f"{fault} {WORKSHOP.span(*ends, 'm')}", remedy)
 
 
 def _least_margin(machine: Machine, q: Array) -> Array:

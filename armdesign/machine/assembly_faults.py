@@ -204,9 +204,9 @@ def _trials(arm: Arm, joint: int, own: Own) -> Iterator[tuple[Cause, tuple[Arm, 
     for unit, factor in MISTAKEN["mm"].items():
         for keys, enlarged in _enlarged(own, factor):
             yield _of_keys(own, keys, unit, factor), (arm, joint, enlarged)
-    cause, factor = _of_all_lengths(arm, own)
-    scaled = [_scaled(pair, _everything(pair), factor) for pair in own]
-    yield cause, (arm, joint, scaled)
+    for cause, factor in _of_all_lengths(arm, own):
+        scaled = [_scaled(pair, _everything(pair), factor) for pair in own]
+        yield cause, (arm, joint, scaled)
 
 
 Limits = tuple[float, float]
@@ -265,23 +265,25 @@ def _mirrored(own: Own) -> Iterator[tuple[Cause, Own]]:
             yield cause, [*own[:i], (mirrored, cylinder), *own[i + 1 :]]
 
 
-def _of_all_lengths(arm: Arm, own: Own) -> tuple[Cause, float]:
+def _of_all_lengths(arm: Arm, own: Own) -> Iterator[tuple[Cause, float]]:
     """The cause that all lengths of links or of cylinders are in another unit, and the factor.
 
-    The factor is by which the cylinders, for a trial, become as large as the links.
+    The factor is by which the cylinders, for a trial, become as large as the links. Nothing where
+    they would be too large for any machine.
     """
     places = [link.translation for link in arm.links.values()]
     places += [joint.translation for joint in arm.joints]
     farthest = max(float(np.linalg.norm(place)) for place in places)
     if arm.of_links and farthest < SMALLEST_ARM:
         words = "its lengths look like metres beside the cylinders' lengths"
-        return Cause(path="links", words=words, remedy="write all of them in mm"), 1e-3
-    if farthest > LARGEST_ARM and not arm.of_links:
+        yield Cause(path="links", words=words, remedy="write all of them in mm"), 1e-3
+    elif farthest > LARGEST_ARM and not arm.of_links:
         words = "its lengths look like millimetres beside the cylinders' lengths"
         remedy = "a URDF is in metres: divide its lengths by 1000"
-        return Cause(path="urdf", words=words, remedy=remedy), 1e3
-    words, remedy = "its lengths and pins look like metres", "write all of its lengths in mm"
-    return Cause(path=f"cylinder.{own[0][1].name}", words=words, remedy=remedy), 1e3
+        yield Cause(path="urdf", words=words, remedy=remedy), 1e3
+    elif max(cylinder.closed_length for _, cylinder in own) * 1e3 < LARGEST_ARM:
+        words, remedy = "its lengths and pins look like metres", "write all of its lengths in mm"
+        yield Cause(path=f"cylinder.{own[0][1].name}", words=words, remedy=remedy), 1e3
 
 
 def _everything(pair: tuple[Linkage, Cylinder]) -> list[str]:

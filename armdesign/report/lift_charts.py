@@ -114,8 +114,14 @@ def _note(chart: LiftChart, units: Units) -> str:
     """Note on the meaning of the chart, and on its point."""
     point, share = chart.poses.point, f"{100 * HYDRAULIC_SHARE:.0f} %"
     x, _, z = (units.text(value, "m") for value in point.at)
-    tips = f", or {100 * TIPPING_SHARE:.0f} % of what tips it"
-    return (
+    machine, tips = chart.machine, f", or {100 * TIPPING_SHARE:.0f} % of what tips it"
+    note = (
         f"at x {x}, z {z} of the {point.link}: {share} of the actuators' force less the arm's"
-        f" own weight{tips if chart.machine.section.stability else ''} (ISO 10567)"
+        f" own weight{tips if machine.section.stability else ''} (ISO 10567)"
     )
+    if len(machine.actuators) > len(machine.joints):
+        note += (
+            "; where cylinders share a joint they divide its load as at rest (least Σ(F/A)²), and"
+            " lift more where valves load each of them fully"
+        )
+    return note

@@ -37,14 +37,15 @@ def validation_sheet(
 
 
 def _failed(validations: Mapping[str, Validation]) -> str:
-    """Where sweeps failed and why, each reason once; empty where none did."""
-    places: dict[str, dict[str, None]] = {}  # of each reason, in their order
+    """Where sweeps or their repetitions failed and why, each reason once; empty if none did."""
+    places: dict[tuple[str, str], dict[str, None]] = {}  # of what failed and why, in their order
     for label, validation in validations.items():
         for sweep in validation.sweeps:
-            for reason in _reasons(sweep):
+            for failed in _failures(sweep):
                 place = f"{label}, {sweep.payload}, {sweep.cylinder}"
-                places.setdefault(reason, {})[place] = None
-    return "".join(f". Failed: {'; '.join(of)}: {reason}" for reason, of in places.items())
+                places.setdefault(failed, {})[place] = None
+    pairs = places.items()
+    return "".join(f". {what}: {'; '.join(of)}: {reason}" for (what, reason), of in pairs)
 
 
 def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
@@ -66,20 +67,25 @@ def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
     return (*cells, sweep.remark)
 
 
-def _reasons(sweep: SweptMode) -> list[str]:
-    """Reasons why a sweep, or its repetition with dry friction, failed; else empty."""
+def _failures(sweep: SweptMode) -> list[tuple[str, str]]:
+    """What failed of a sweep and its repetition with dry friction, and why; else empty."""
     from armdesign.simulation.sweeps import Failure, FittedMode
 
-    both = (sweep, sweep.with_friction if isinstance(sweep, FittedMode) else None)
-    errors = [one.error for one in both if isinstance(one, Failure)]
-    return ["; ".join(filter(None, (error.fault, error.remedy))) for error in errors]
+    dry = sweep.with_friction if isinstance(sweep, FittedMode) else None
+    both = {"Failed": sweep, "With dry friction no mode was fitted": dry}
+    return [
+        (what, "; ".join(filter(None, (one.error.fault, one.error.remedy))))
+        for what, one in both.items()
+        if isinstance(one, Failure)
+    ]
 
 
 def _note(friction: bool) -> str:
     from armdesign.simulation.sweeps import AGREES
 
     note = (
-        "valve: mean opening in the sweep, which adds damping: ζ falls with it; remark: agrees"
+        "valve: mean opening in the sweep, which adds damping: ζ falls with it; spools are swept"
+        " without overlap; remark: agrees"
         f" (within {100 * AGREES:g} %), or the cause of the deviation: amplitude (it falls with"
         " the amplitude), leaks (they change pressures, and damp), creep (no spool position makes"
         " up for it) or a fault; oil without air is swept under a preload, p1 + p2 = supply +"

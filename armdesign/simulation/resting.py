@@ -9,19 +9,23 @@ A pump of limited flow fills the line to its valves again within a millisecond o
 of an explicit integration may be much longer, though nothing in a sweep is as fast. So the sweeps
 have a line of more oil, filled again at ``REFILL`` times ω of the fastest mode. What the pump
 gives at every pressure is the machine's.
+
+The spools have no overlap: at each turn of a sweep they would have to leap over it, and overshoot
+by more than a small sweep asks for. A spool that rests shut is shut without it as well.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.frequency.modes import Modes, natural_modes
+from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import SymmetricValve
 from armdesign.simulation.linear_model import LinearModel
@@ -33,6 +37,7 @@ from armdesign.units import bar, mm
 
 BARELY = 0.5 * bar  # above return pressure, or below a relief
 LEAST_END = 1e-3  # of the stroke
+F = TypeVar("F", Cylinder, Motor)
 REFILL = 4.0  # least rate at which the pump fills its line, relative to ω of the fastest mode
 
 
@@ -65,7 +70,7 @@ class Resting:
             SimulationError: a valve is missing, trapped oil does not hold the pose, a load cannot
                 be held or a piston is at its end.
         """
-        machine = settled(machine, pose)
+        machine = _without_overlap(settled(machine, pose))
         plant, preloaded = Plant(machine), True if machine.fluid.air == 0 else None
         equilibrium = find_equilibrium(plant, pose, preloaded).state
         _refuse_limits(plant, equilibrium)
@@ -90,9 +95,22 @@ class Resting:
         )
 
     def of_machine(self, machine: Machine) -> Self:
-        """The same of a version of the machine with the same equilibrium and linear model."""
+        """The same of a version of its machine with the same equilibrium and linear model."""
         swept = _with_line(machine, float(self.frequencies.max()))
         return replace(self, machine=machine, swept_machine=swept, plant=Plant(machine))
+
+
+def _without_overlap(machine: Machine) -> Machine:
+    """The machine with spools whose edges open at once; those of an underlap keep it."""
+
+    def edged(actuator: F) -> F:
+        valve = actuator.valve
+        if valve is None or valve.overlap <= 0:
+            return actuator
+        return replace(actuator, valve=replace(valve, overlap=0.0))
+
+    cylinders, motors = map(edged, machine.cylinders), map(edged, machine.motors)
+    return replace(machine, cylinders=tuple(cylinders), motors=tuple(motors))
 
 
 def _with_line(machine: Machine, fastest: float) -> Machine:

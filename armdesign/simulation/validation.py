@@ -9,7 +9,8 @@ with it, a fault of the model does not.
 
 The linear frequency holds for the oil's spring alone, without dry friction, which damps a small
 motion more than a large one, and at last holds a piston fast. So the sweeps leave dry friction
-out. Where a machine has any, both are repeated with it, and those results stand beside.
+out. Where a machine has any, both are repeated with it, and those results stand beside. Overlaps
+of spools are left out, too: see ``resting``.
 
 The linear frequency takes the pressures that a closed valve leaves: the loaded chamber carries the
 load, the other is at return pressure or at the preload that the machine file asks for. With air

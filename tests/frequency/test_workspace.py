@@ -70,6 +70,19 @@ def test_a_cylinder_across_two_joints_bounds_the_workspace() -> None:
     assert machine.margins(space.q).min() >= space.end_margin - 1e-9
 
 
+def test_a_cylinder_across_two_joints_that_fits_no_pose_is_named() -> None:
+    machine = machines.named("crossing")
+    (across,) = (
+        c.name
+        for c, k in zip(machine.cylinders, machine.linkages, strict=True)
+        if len(k.joints) > 1
+    )
+    far = machine.replace({f"cylinder.{across}.closed_length_mm": 9000.0})
+    fault = rf"cylinder\.{across}\.stroke_mm: over the workspace the pins are .* never within \[9"
+    with pytest.raises(ad.ArmDesignError, match=fault):
+        ad.Workspace.grid(far, points=5)
+
+
 @pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "crossing", "spatial"])
 def test_sobol_poses_fill_the_ranges_and_lie_on_their_edges(name: str) -> None:
     """Equal seeds, equal poses; all keep the margin; every end of every joint and the pitch limits

@@ -163,6 +163,16 @@ def test_all_of_a_cylinder_in_metres() -> None:
     )
 
 
+def test_a_cylinder_too_long_for_its_pins_is_not_in_metres() -> None:
+    """1.66 m closed where the pins are up to 1.46 m apart: as metres it would be longer than any
+    machine.
+    """
+    new = Machine.from_text(template.new("x"), "", Path("x.toml"))
+    with pytest.raises(ad.ArmDesignError, match=r"never within \[1\.6600, ") as caught:
+        new.replace({"cylinder.stick.closed_length_mm": 1660.0})
+    assert "metres" not in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("table", "path"),
     [

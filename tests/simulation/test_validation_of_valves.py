@@ -1,13 +1,12 @@
-"""Validation with air, leaking and underlapped valves, and spools within their overlap."""
+"""Validation with air, leaking and underlapped valves, and without overlaps."""
 
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign import Machine
-from armdesign.errors import SimulationError
 from armdesign.hydraulics.friction import Friction
 from armdesign.report.validations import validation_sheet, verdict
 from armdesign.simulation.experiment import Experiment
@@ -111,21 +110,17 @@ def test_tank_leakage_is_no_creep() -> None:
     assert {run.remark for run in validate(machine, WORST, cylinders=["stick"]).runs} == {"agrees"}
 
 
-def test_a_spool_that_never_leaves_its_overlap(excavator: Machine) -> None:
-    slow = {
-        "cylinder.boom.valve.overlap_percent": 10.0,
-        "cylinder.boom.valve.natural_frequency_hz": 0.1,
-    }
-    with pytest.raises(
-        SimulationError, match="stays within its overlap of 10 %; raise the amplitude, or give a"
-    ):
-        validate(excavator.replace(slow), WORST, cylinders=["boom"])
-
-
 @pytest.mark.slow
-def test_overlap_is_leapt() -> None:
-    machine = ad.load("paper_1dof").replace({"cylinder.lift.valve.overlap_percent": 5.0})
-    assert validate(machine, [0.0]).worst_deviation < 5e-3
+def test_sweeps_leave_overlaps_out() -> None:
+    """In oil with air at small openings: a leap of the spool overshot them eighty times, and the
+    sweep told a fault of 1 to 3 %.
+    """
+    crane = ad.load("loader_crane")
+    wide = {f"cylinder.{c.name}.valve.overlap_percent": 10.0 for c in crane.cylinders}
+    pose = [0.3, -1.0, 0.5]
+    with_overlap, without = (validate(one, pose).frame for one in (crane.replace(wide), crane))
+    assert without["remark"].str.startswith("agrees").all()
+    pd.testing.assert_frame_equal(with_overlap, without)
 
 
 @pytest.mark.slow

@@ -20,7 +20,13 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.design.catalogue.sizes import Sizes, areas_of_sizes, offered, sized
+from armdesign.design.catalogue.sizes import (
+    Sizes,
+    areas_of_sizes,
+    offered,
+    refuse_shared_joints,
+    sized,
+)
 from armdesign.design.requirements.check import check, slacks, static_loads
 from armdesign.design.requirements.record import Check
 from armdesign.design.requirements.settings import Requirements
@@ -31,7 +37,7 @@ from armdesign.design.search.infeasibility.concessions import (
     largest_share,
     nearest_error,
 )
-from armdesign.errors import ArmDesignError, InfeasibleError, UntriedError
+from armdesign.errors import InfeasibleError, UntriedError
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import Cylinder, areas_of
 from armdesign.machine.machine import Machine
@@ -271,11 +277,7 @@ def allowed_sizes(
         InfeasibleError: no combination meets the requirements; names the fewest that exclude each
             other.
     """
-    if len(placed.actuators) > len(placed.joints):
-        drives = f"{len(placed.actuators)} cylinders{' and motors' * bool(placed.motors)}"
-        fault = f"{placed.name} has {drives} on {len(placed.joints)} joints: their static forces"
-        fault += " depend on the sizes"
-        raise ArmDesignError("catalogue", fault, "choose sizes without a catalogue")
+    refuse_shared_joints(placed)
     within = {"today": today, "workspace": workspace, "requirements": requirements}
     judge = Judge(placed=placed, **within, tolerance=tolerance)  # type: ignore[arg-type]
     choices = []

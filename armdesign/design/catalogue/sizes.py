@@ -78,6 +78,18 @@ def sizes_and_grid(
     return sizes, replace(BUILDABLE, catalogue=name, sizes=sizes)
 
 
+def refuse_shared_joints(machine: Machine) -> None:
+    """Raise where sizes of a catalogue cannot be judged one by one.
+
+    With more cylinders and motors than joints, static forces divide by the sizes of all.
+    """
+    if len(machine.actuators) > len(machine.joints):
+        drives = f"{len(machine.actuators)} cylinders{' and motors' * bool(machine.motors)}"
+        fault = f"{machine.name} has {drives} on {len(machine.joints)} joints: their static forces"
+        remedy = 'choose sizes without one: --free, in Python catalogue="free"'
+        raise ArmDesignError("catalogue", f"{fault} depend on the sizes", remedy)
+
+
 def sizes_of(catalogue: str | Iterable[Sequence[float]]) -> Sizes:
     """Every bore and rod [m] of a catalogue, in ascending order, each once.
 

@@ -10,7 +10,13 @@ import numpy as np
 
 from armdesign.arguments import refuse_unless_seed
 from armdesign.arrays import Array
-from armdesign.design.catalogue.sizes import FINE, DrawingGrid, Sizes, sizes_and_grid
+from armdesign.design.catalogue.sizes import (
+    FINE,
+    DrawingGrid,
+    Sizes,
+    refuse_shared_joints,
+    sizes_and_grid,
+)
 from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import Problem
 from armdesign.design.program.variables import chosen
@@ -101,8 +107,10 @@ def formulate_with_sizes(
     problem = formulate(
         machine, workspace, requirements, vary, bands=bands, objective=objective, grid=grid
     )
-    stay = catalogue is None and not problem.vector.any_size_varies
-    return problem, None if stay else sizes
+    if sizes is None or (catalogue is None and not problem.vector.any_size_varies):
+        return problem, None
+    refuse_shared_joints(problem.machine)
+    return problem, sizes
 
 
 @dataclass(frozen=True)
