@@ -16,6 +16,7 @@ import pytest
 
 import armdesign as ad
 from armdesign import cli
+from armdesign.design import design
 from armdesign.errors import ArmDesignError
 from tests.commands import QUICK, assert_one_line, main, map_of
 
@@ -312,6 +313,24 @@ def test_a_trade_off_keeps_finished_values(
     for file in ("pareto.csv", "pareto.png"):
         assert (out / file).read_bytes() == Path("undisturbed", file).read_bytes()
     assert {path.name for path in out.iterdir()} == {"pareto.csv", "pareto.png"}
+
+
+def test_an_answer_without_its_proof(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C while a bound is sought: files and tables are there, and the bound is not."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(design, "certificate_within_bands", interrupted)
+    words = ["optimize", "paper_1dof", "--points", "5", "--free", "--out", str(tmp_path)]
+    assert main(words, monkeypatch) == 130
+    said = capsys.readouterr()
+    assert "no bound is known: interrupted" in said.out
+    assert "a pose counts in percentiles" in said.out
+    assert said.err.startswith("armdesign: interrupted; finished files are in ")
+    assert (tmp_path / "paper_1dof_optimized.toml").exists()
 
 
 @pytest.mark.slow

@@ -50,6 +50,7 @@ ROOMS = (
         "cli_tradeoffs",
         "cli_influence",
         "cli_motion",
+        "cli_paper",
         "cli_report",
         "cli_export",
         "cli_view",

@@ -7,9 +7,10 @@ machine file, read back and judged by ``check``, which knows nothing of the opti
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -306,6 +307,13 @@ class Design(ReadOnly):
         known = certificate_within_bands(free, self.x, self.watched)
         most = max(self.unrounded, self.judged)
         return known and known.above(most).useful(most)
+
+    def unproved(self) -> Self:
+        """The same design without a bound, for those who do not wait for it."""
+        known = Certificate(frequency=math.inf, held=(), assumptions=(), refused="interrupted")
+        design = copy(self)
+        design.__dict__["certificate"] = known
+        return design
 
     @property
     def bound(self) -> float | None:

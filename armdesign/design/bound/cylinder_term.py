@@ -219,8 +219,9 @@ class CylinderTerm:
         self, e: Enclosure, allowed: AllowedBoxes, best: Array, spring: CylinderSpring
     ) -> Array:
         """Rough share of each area's ends (m, 2) in the stiffness at volumes (m, 2)."""
-        value = self._value(e.centre, best[:, None], np.zeros_like(best), spring)
-        return np.abs(value) * (allowed.high / allowed.low - 1)
+        with np.errstate(invalid="ignore"):  # no oil left, or an area from zero on
+            value = self._value(e.centre, best[:, None], np.zeros_like(best), spring)
+            return np.abs(value) * (allowed.high / allowed.low - 1)
 
     def _added(
         self,
