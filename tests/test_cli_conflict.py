@@ -10,7 +10,7 @@ import pytest
 
 from tests.commands import ARMDESIGN, assert_one_line, main
 
-SETTING = re.compile(r"([a-z_]+(?:\.\w+)?) = ([\d.e+-]*\d)")
+SETTING = re.compile(r"requirements\.([a-z_]+(?:\.\w+)?) = ([\d.e+-]*\d)")
 
 OPTION = re.compile(r"--set requirements\.(\S+)=(\S+)")  # below the table where there are many
 

@@ -230,7 +230,7 @@ def _is_factor(setting: str) -> bool:
 def _settings(conflict: Sequence[Concession]) -> str:
     """The settings that grant all that a conflict needs."""
     values = [
-        f"{setting} {'×' if _is_factor(setting) else '='} {value}"
+        f"{setting} × {value}" if _is_factor(setting) else f"requirements.{setting} = {value}"
         for setting, value in _values(conflict).items()
     ]
     return f"{': ' if values else ''}{', '.join(values)}"

@@ -114,5 +114,7 @@ def test_many_settings_stand_below_the_table() -> None:
     given = "--set requirements.a_share=1.04 --set requirements.b_share.boom=1.04"
     assert options == f"{given} --set requirements.c_share=1.04 speed.go × 1.04"
     error = conflict_error("crane", conflict[:2])
-    assert str(error).endswith("b; relax them: a_share = 1.04, b_share.boom = 1.04")
+    assert str(error).endswith(
+        "b; relax them: requirements.a_share = 1.04, requirements.b_share.boom = 1.04"
+    )
     assert "--set" not in error.table
