@@ -21,7 +21,8 @@ from armdesign.inspection.oddities import is_whole_turn, oddities
 from armdesign.inspection.yardstick import Finding
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.joint_ranges import over, sweep
+from armdesign.mechanism.joint_ranges import ENDED, over, sweep
+from armdesign.mechanism.linkage.base import follows
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.units import WORKSHOP, Units
 
@@ -30,7 +31,12 @@ SWEEP = 361  # poses over a joint's range at which moment arms are looked at
 
 @dataclass(frozen=True)
 class Lever:
-    """Least and largest moment arm of a cylinder about one joint [m/rad], and where they are."""
+    """Least and largest size of a cylinder's moment arm about one joint [m/rad], and where.
+
+    Attributes:
+        turns: whether the moment arm changes sign between them.
+        follows: whether another actuator moves the joint alone.
+    """
 
     cylinder: int
     joint: int
@@ -38,6 +44,8 @@ class Lever:
     least_at: float  # joint position [rad, m]
     most: float
     most_at: float
+    turns: bool
+    follows: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +94,7 @@ class Inspection:
         pose = sweep(machine.arm, joint, machine.ranges[joint, end : end + 1])
         for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
             if linkage.joints == (joint,):
-                length, near = float(linkage.length(pose)[0]), 2e-3 * cylinder.stroke
+                length, near = float(linkage.length(pose)[0]), ENDED * cylinder.stroke
                 if abs(length - cylinder.closed_length) < near:
                     return f"{cylinder.name} in"
                 if abs(length - cylinder.open_length) < near:
@@ -107,11 +115,21 @@ class Inspection:
         for i, linkage in enumerate(self.machine.linkages):
             poses = self.poses_of(i)
             for j in linkage.joints:
-                arm = np.abs(linkage.actuation(poses).moment_arm[:, j])
-                ends = (
-                    (float(arm[k]), float(poses.q[k, j])) for k in (arm.argmin(), arm.argmax())
+                signed = linkage.actuation(poses).moment_arm[:, j]
+                arm, turns = np.abs(signed), bool(signed.min() < 0 < signed.max())
+                low, high = int(arm.argmin()), int(arm.argmax())
+                levers.append(
+                    Lever(
+                        cylinder=i,
+                        joint=j,
+                        least=float(arm[low]),
+                        least_at=float(poses.q[low, j]),
+                        most=float(arm[high]),
+                        most_at=float(poses.q[high, j]),
+                        turns=turns,
+                        follows=follows(self.machine.drives, i, j),
+                    )
                 )
-                levers.append(Lever(i, j, *(number for end in ends for number in end)))
         return levers
 
     def stroke_used(self, cylinder: int) -> float:

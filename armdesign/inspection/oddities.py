@@ -70,9 +70,13 @@ def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddit
         cause = "limits of its joint or other cylinders end the motion before it does"
         yield f"{part}.stroke_mm", f"only {100 * used:.0f} % of the stroke is used; {cause}"
     for lever in inspection.levers:
-        if lever.cylinder == i and lever.least < SMALL_MOMENT_ARM * lever.most:
-            joint = machine.arm.joints[lever.joint]
-            at = f"{joint.name} {units.text(lever.least_at, joint.unit)}"
+        if lever.cylinder != i or lever.follows:
+            continue
+        joint = machine.arm.joints[lever.joint]
+        at = f"{joint.name} {units.text(lever.least_at, joint.unit)}"
+        if lever.turns:
+            yield part, f"its moment arm changes sign near {at}: at a dead centre it holds nothing"
+        elif lever.least < SMALL_MOMENT_ARM * lever.most:
             share = f"{100 * lever.least / lever.most:.0f} % of its largest at {at}"
             below = f"(below {100 * SMALL_MOMENT_ARM:.0f} %): close to a dead centre"
             yield part, f"its moment arm falls to {share} {below}"

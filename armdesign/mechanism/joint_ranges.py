@@ -17,6 +17,7 @@ from armdesign.mechanism.linkage.base import Linkage
 from armdesign.units import WORKSHOP
 
 SAMPLES = 721  # of a joint's limits, at which its range is searched
+ENDED = 2e-3  # of its stroke: a cylinder so near to its end ends a range, beside rounded limits
 DEAD_CENTRE = 1e-6  # [m/rad] moment arm below which a cylinder is at its dead centre
 Pair: TypeAlias = tuple[Linkage, Cylinder]
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from armdesign.calibration.calibrate import Calibration
     from armdesign.plots.canvas import Axes, Figure
 
+TICKS = 20  # numbers of measurements that are written out, at most
+
 
 @literal
 def measured_and_computed(calibration: Calibration, ax: Axes | None = None) -> Axes:
@@ -55,6 +57,6 @@ def calibration_figure(calibration: Calibration) -> Figure:
 
 
 def _finish(ax: Axes, numbers: Any) -> None:
-    ax.set_xticks(np.asarray(numbers))
+    ax.set_xticks(np.asarray(numbers)[:: 1 + len(numbers) // TICKS])
     ax.grid(alpha=0.3)
     legend_below(ax, ncols=2)

@@ -33,7 +33,7 @@ def frequency_responses(validations: Mapping[str, Validation]) -> Figure:
         linear = {"color": COMPUTED, "label": "linear natural frequency"}
         ax.axvline(run.linear_frequency, ls="--", lw=1.2, **linear)
         ax.set(xlabel="frequency [Hz]")
-        title = f"{label}: {run.cylinder} cylinder, fitted {run.identified_frequency:.3f} Hz"
+        title = f"{label}: {run.cylinder}, fitted {run.identified_frequency:.3f} Hz"
         ax.set_title(title, fontsize=10)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("speed / commanded speed [–]")

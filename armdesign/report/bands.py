@@ -9,6 +9,7 @@ from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet
 from armdesign.units import percent
 
+SAME = 1e-9  # relative, of frequencies
 BANDS_TITLE = "Lowest frequency of the poses within the bands of what is not known exactly"
 
 
@@ -32,11 +33,15 @@ def bands_sheet(
         pairs = zip(*frequencies, strict=True)
         gains = (percent(new / old - 1) if old > 0 else "" for old, new in pairs)
         texts.append(("gain", *gains))
+    outside = not all(
+        low * (1 - SAME) <= own <= high * (1 + SAME) for low, own, high in frequencies
+    )
+    file = "; the file's own values lie outside of these bands" if outside else ""
     return Sheet(
         title=BANDS_TITLE,
         columns=("", *end_names(machine, bands)),
         rows=tuple(texts),
-        note=f"{widths(machine, bands)}{notes}",
+        note=f"{widths(machine, bands)}{file}{notes}",
         bold=(len(texts) - 1,),
     )
 

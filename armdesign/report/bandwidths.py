@@ -113,13 +113,13 @@ def bandwidth_sentence(maps: Mapping[str, BandwidthMap]) -> str:
     if len(both) == 1:
         return (
             f"Position loops alone reach {alone} Hz at the worst pose of"
-            f" {both[0].machine.name}, with pressure feedback {fed_back} Hz; its lowest natural"
-            f" frequency is {lowest} Hz."
+            f" {both[0].machine.name}, with pressure feedback {fed_back} Hz; the lowest natural"
+            f" frequency at these poses is {lowest} Hz."
         )
     return (
         f"Each at its worst pose, position loops alone of today's and of the new machine reach"
-        f" {alone} Hz, with pressure feedback {fed_back} Hz; their lowest natural frequencies are"
-        f" {lowest} Hz."
+        f" {alone} Hz, with pressure feedback {fed_back} Hz; their lowest natural frequencies at"
+        f" these poses are {lowest} Hz."
     )
 
 

@@ -137,10 +137,20 @@ def bound_sheet(design: Design) -> Sheet:
     return Sheet(title="", rows=tuple(rows), note=_bound(design).removeprefix("; "))
 
 
-def _bound(design: Design) -> str:
-    """The upper bound, or why it is refused; empty where none was asked for."""
-    if design.certificate is None:
+def _pins_that_stay(design: Design) -> str:
+    """Which cylinders keep their pins though pins vary, and why; empty if none does."""
+    if not {"pins", "linkages"}.intersection(design.problem.vector.vary):
         return ""
+    pairs = zip(design.today.cylinders, design.today.linkages, strict=True)
+    names = [cylinder.name for cylinder, linkage in pairs if len(linkage.joints) > 1]
+    many = f"; pins of {', '.join(names)} stay: strokes of cylinders across several joints do not"
+    return f"{many} follow from them" if names else ""
+
+
+def _bound(design: Design) -> str:
+    """The upper bound, or that none is known; empty of bandwidths."""
+    if design.certificate is None:
+        return "" if design.made_for == "bandwidth" else "; no bound is known"
     if design.bound is None:
         return f"; no bound is known: {design.certificate.refused}"
     gap = f"gap {100 * (design.gap or 0.0):.1f} %"
@@ -241,7 +251,7 @@ def sizes_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         title=f"Cylinders [{units.name('m')}]",
         columns=("cylinder", "bore", "rod", "stroke", "closed", *pin_heads),
         rows=tuple(rows),
-        note="coordinates of pins in the frames of their links",
+        note=f"coordinates of pins in the frames of their links{_pins_that_stay(design)}",
         bold=tuple(range(1, len(rows), 2)),
     )
 

@@ -158,16 +158,19 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
         joint = machine.arm.joints[lever.joint]
         unit, even = ("m/rad" if joint.revolute else "m/m"), lever.most - lever.least < 1e-9
         cells = []
-        for arm, at in ((lever.least, lever.least_at), (lever.most, lever.most_at)):
+        least = 0.0 if lever.turns else lever.least
+        for arm, at in ((least, lever.least_at), (lever.most, lever.most_at)):
             where = "everywhere" if even else units.text(at, joint.unit)
             cells += [units.number(arm, unit), where]
         rows.append((machine.cylinders[lever.cylinder].name, joint.name, *cells))
     per, slides = f"[{units.name('m/rad')}]", any("everywhere" in row for row in rows)
+    notes = ["of a sliding joint: cylinder travel per joint travel"] if slides else []
+    notes += ["0: changes sign near there"] if any(one.turns for one in inspection.levers) else []
     return Sheet(
         title="Moment arms",
         columns=("cylinder", "about joint", f"least {per}", "at", f"largest {per}", "at"),
         rows=tuple(rows),
-        note="of a sliding joint: cylinder travel per joint travel" if slides else "",
+        note="; ".join(notes),
     )
 
 

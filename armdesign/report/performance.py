@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armdesign.arrays import Array
+from armdesign.mechanism.linkage.base import follows
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units
 
@@ -54,14 +56,16 @@ def _of_actuator(machine: Machine, at: Performance) -> list[Figure]:
     word, unit = ("torque", "N m") if joint.revolute else ("force", "N")
     speed_unit = "rad/s" if joint.revolute else "m/s"
     both = ("extending", "retracting")
-    numbers = (
+    numbers: list[tuple[str, str, str, Array]] = [
         (f"largest {word}", f"{word}_largest", unit, at.largest),
         (f"{word} at the lower end", f"{word}_lower_end", unit, at.torque[:, 0]),
         (f"{word} at the upper end", f"{word}_upper_end", unit, at.torque[:, -1]),
         ("stroke time", "stroke_time", "s", at.stroke_time),
         ("least joint speed", "joint_speed_least", speed_unit, at.speed.min(axis=1)),
         ("largest joint speed", "joint_speed_largest", speed_unit, at.speed.max(axis=1)),
-    )
+    ]
+    if follows(machine.drives, at.actuator, at.joint):  # another's flow moves the joint
+        del numbers[4:]
     return [
         Figure(
             part=part,

@@ -25,7 +25,7 @@ def identified_sheets(identified: Identified) -> list[Sheet | str]:
         cells += ["–" if math.isnan(row["amplitude"]) else f"{row['amplitude']:.3g}"]
         cells += [row["remark"] or "–"] if remarks else []
         rows.append((*cells, *(f"{row[name]:.1f}" for name in poses)))
-    heads = ["window [s]", "frequency [Hz]", "damping ratio", "amplitude"]
+    heads = ["window [s]", "frequency [Hz]", "damping ratio", "amplitude [as recorded]"]
     heads += ["remark"] if remarks else []
     sheet = Sheet(
         title=f"{identified.recording.source}: {identified.signal}",

@@ -26,7 +26,8 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
         notes.append(f"{len(frame) - MOST} further cases are in sweep.csv.")
     if len(names) > len(shown):
         notes.append(f"Further columns are in sweep.csv: {', '.join(names[WIDEST:])}.")
-    if alike := [f"{_last(n)} {_cell(common[n])}" for n in told if common[n] is not None]:
+    short = _short(told)
+    if alike := [f"{short[n]} {_cell(common[n])}" for n in told if common[n] is not None]:
         which = "all that did not fail" if failed.any() else "all"
         notes.append(f"The same in {which}: {', '.join(alike)}.")
     if count := int(failed.sum()):
@@ -35,7 +36,7 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
         notes.append(f"{cases} failed; sweep.csv says why. The first: {first}")
     return Sheet(
         title="Sweep",
-        columns=("case", *map(_last, shown)),
+        columns=("case", *(short[name] for name in shown)),
         rows=tuple((str(n), *(_cell(value) for value in row)) for n, row in enumerate(rows, 1)),
         note=" ".join(notes),
     )
@@ -57,8 +58,20 @@ def _common(column: pd.Series[Any], failed: pd.Series[bool]) -> Any:
     return values.iloc[0] if alike else None
 
 
-def _last(name: str) -> str:
-    return name.rpartition(".")[2]
+def _short(names: list[str]) -> dict[str, str]:
+    """Names by key path: the last keys that tell one from the others, numbers with their list."""
+    short = {}
+    for name in names:
+        keys = name.split(".")
+        tails = [".".join(keys[-k:]) for k in range(1, len(keys) + 1)]
+        others = [f".{other}" for other in names if other != name]
+        apart = (
+            tail
+            for tail in tails
+            if not tail.isdigit() and not any(other.endswith(f".{tail}") for other in others)
+        )
+        short[name] = next(apart, name)
+    return short
 
 
 def _cell(value: Any) -> str:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 MANY = 9  # columns stand closer together
 LEAST = 12  # characters of a column of words
+PARTS = re.compile(r"\s|(?<=_)|(?<=\.)(?=[A-Za-z])")  # between what stays whole of a head
 
 
 def terminal_table(sheet: Sheet, room: int) -> Table:
@@ -43,7 +44,8 @@ def terminal_table(sheet: Sheet, room: int) -> Table:
     )
     for head, width, left in zip(heads, widths, words, strict=True):
         justify: JustifyMethod = "left" if left else "right"
-        table.add_column(Text(head), justify=justify, width=width, overflow="fold")
+        broken = "\n".join(_broken(line, width) for line in head.split("\n"))
+        table.add_column(Text(broken), justify=justify, width=width, overflow="fold")
     for index, row in enumerate(sheet.rows):
         cells = (Text(_broken(text, width)) for text, width in zip(row, widths, strict=True))
         table.add_row(*cells, style="bold" if index in sheet.bold else None)
@@ -75,7 +77,7 @@ def _narrower(
     narrow = list(widths)
     for i, (head, *cells) in enumerate(texts):
         if not words[i]:
-            narrow[i] = _longest([head.split(), cells])
+            narrow[i] = _longest([PARTS.split(head), cells])
     while sum(narrow) > room:
         widest = max((i for i, left in enumerate(words) if left), key=lambda i: narrow[i])
         if narrow[widest] <= LEAST:

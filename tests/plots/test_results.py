@@ -122,7 +122,7 @@ def test_a_frequency_response_says_what_it_is_and_cuts_no_word() -> None:
     fig = plots.frequency_responses({name: validation for name in ("worst", "median", "best")})
     fig.canvas.draw()
     ax, run = fig.axes[0], validation.runs[0]
-    assert ax.get_title() == f"worst: lift cylinder, fitted {run.identified_frequency:.3f} Hz"
+    assert ax.get_title() == f"worst: lift, fitted {run.identified_frequency:.3f} Hz"
     assert ax.get_ylabel() == "speed / commanded speed [–]"
     words, whole = ax.yaxis.label.get_window_extent(), fig.bbox
     assert whole.y0 <= words.y0 < words.y1 <= whole.y1

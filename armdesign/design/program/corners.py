@@ -117,7 +117,8 @@ class Corners:
             raise ArmDesignError(
                 f"bands of {self.today.name}",
                 "today's machine is unstable at one of their corners: there is no gain over it",
-                'narrow them, or design for the worst frequency (objective="worst")',
+                "narrow them, or design for the worst frequency: --objective worst, in Python"
+                ' objective="worst"',
             )
         return (np.array(frequencies) / self.nominal) ** 2
 

@@ -20,13 +20,12 @@ from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm, RigidPoses
-from armdesign.mechanism.joint_ranges import over, sweep
+from armdesign.mechanism.joint_ranges import ENDED, over, sweep
 from armdesign.mechanism.linkage.base import Linkage
 
 if TYPE_CHECKING:
     from armdesign.design.requirements.settings import Requirements
 
-NO_REST = 1e-4  # [m] that joint limits, rounded to where a stroke ends, may seem to leave free
 CHECKED_POSES = 181  # over a joint's range, at which a machine is judged and described
 
 
@@ -108,9 +107,8 @@ def spare_shares(today: Machine, end_margin: float) -> Array:
             joint = linkage.joints[0]
             least, most = sorted(linkage.length(sweep(today.arm, joint, today.ranges[joint])))
             free = np.array([least - cylinder.closed_length, cylinder.open_length - most])
-            spare[i] = np.where(
-                free < NO_REST, 0.0, np.minimum(free / cylinder.stroke, end_margin)
-            )
+            shares = np.minimum(free / cylinder.stroke, end_margin)
+            spare[i] = np.where(free < ENDED * cylinder.stroke, 0.0, shares)
     return spare
 
 

@@ -320,3 +320,12 @@ class Linkage(Drive):
             return whole
 
         return Actuation(length, moment_arm, derivative)
+
+
+def follows(drives: Sequence[Drive], i: int, joint: int) -> bool:
+    """Whether a drive across several joints goes along about one that another moves alone.
+
+    Its moment arm may vanish there: that is no dead centre.
+    """
+    others = (drive for k, drive in enumerate(drives) if k != i)
+    return len(drives[i].joints) > 1 and any(other.joints == (joint,) for other in others)
