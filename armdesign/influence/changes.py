@@ -33,12 +33,17 @@ def read_changes(words: Sequence[str], part: str = "what-if") -> dict[str, Any]:
             raise ArmDesignError(part, f'"{word}" is not understood', remedy)
         if path in changes:
             raise ArmDesignError(f"{part} {path}", "is there twice", "leave one out")
-        try:
-            lines = tomllib.loads(f"value = {value}")
-        except (ValueError, RecursionError):  # no TOML, or a whole number of 5000 digits
-            lines = {}
-        changes[path] = lines["value"] if len(lines) == 1 else value
+        changes[path] = toml_value(value)
     return changes
+
+
+def toml_value(text: str) -> Any:
+    """A value as in TOML, or the text itself where it is none."""
+    try:
+        lines = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):  # no TOML, or a whole number of 5000 digits
+        return text
+    return lines["value"] if len(lines) == 1 else text
 
 
 def changed_machine(

@@ -13,6 +13,7 @@ from typing import Any
 from armdesign.arguments import refuse_unless_seed
 from armdesign.csv_rows import NUMBER, read_rows
 from armdesign.errors import ArmDesignError
+from armdesign.influence.changes import toml_value
 
 Changes = Mapping[str, Any]
 MOST = 1_000_000  # cases of one sweep
@@ -150,7 +151,9 @@ def refuse_many(count: int) -> None:
 
 
 def _value(text: str) -> Any:
-    """What a field of a CSV file says: a number, true or false, or a text."""
+    """What a field of a CSV file says: a number, a list, true or false, or a text."""
+    if text.startswith("["):
+        return toml_value(text)
     for kind in (int, float) if NUMBER.fullmatch(text) else ():
         try:
             return kind(text)
