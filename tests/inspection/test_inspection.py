@@ -15,6 +15,7 @@ from armdesign.inspection.inspection import inspect
 from armdesign.inspection.oddities import DEAD_LENGTH_PER_BORE
 from armdesign.machine.machine import Machine
 from armdesign.report.inspections import check_sheets
+from armdesign.report.performance import figures
 from armdesign.units import SI, WORKSHOP
 from tests import machines
 from tests.commands import main
@@ -240,3 +241,29 @@ def test_what_all_else_may_follow_from_comes_first(
     assert [sheet.title for sheet in sheets].count("Implausible values") == 1
     if stroke == "1.26":
         assert "1.26 mm looks like metres: write stroke_mm = 1260" in sheets[0].rows[0][1]
+
+
+@pytest.mark.parametrize(
+    ("rod_end", "joint", "dead"),
+    [([300.0, 0.0, 200.0], "stick", True), ([1000.0, 0.0, -500.0], "boom", False)],
+)
+def test_where_a_moment_arm_changes_sign(rod_end: list[float], joint: str, dead: bool) -> None:
+    """The long cylinder across both joints: of its two arms the one about the stick holds it alone,
+    that about the boom has the lift beside it. Signs by differences of lengths.
+    """
+    keys = {"rod_end.at_mm": rod_end, "closed_length_mm": 600.0, "stroke_mm": 5000.0}
+    machine = machines.named("crossing").replace(
+        {f"cylinder.long.{k}": v for k, v in keys.items()}
+    )
+    inspection = inspect(machine, ad.Workspace.grid(machine, 5))
+    j, q, step = machine.joints.index(joint), inspection.workspace.q, np.zeros(2)
+    step[j] = 1e-6
+    steps = (machine.arm.kinematics(q + way) for way in (step, -step))
+    ahead, behind = (machine.linkages[1].length(poses) for poses in steps)
+    assert (ahead - behind).min() < 0 < (ahead - behind).max()
+    (lever,) = (one for one in inspection.levers if one.cylinder == 1 and one.joint == j)
+    assert (lever.turns, lever.follows) == (True, not dead)
+    words = [one.words for one in inspection.findings() if "changes sign" in one.words]
+    assert bool(words) == dead
+    parts = {one.words for one in figures(machine) if one.part == f"long.{joint}"}
+    assert ("largest joint speed" in parts) == dead
