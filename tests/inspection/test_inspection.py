@@ -248,8 +248,8 @@ def test_what_all_else_may_follow_from_comes_first(
     [([300.0, 0.0, 200.0], "stick", True), ([1000.0, 0.0, -500.0], "boom", False)],
 )
 def test_where_a_moment_arm_changes_sign(rod_end: list[float], joint: str, dead: bool) -> None:
-    """The long cylinder across both joints: of its two arms the one about the stick holds it alone,
-    that about the boom has the lift beside it. Signs by differences of lengths.
+    """The long cylinder across both joints holds the stick alone, the boom beside the lift. Signs
+    by differences of lengths.
     """
     keys = {"rod_end.at_mm": rod_end, "closed_length_mm": 600.0, "stroke_mm": 5000.0}
     machine = machines.named("crossing").replace(
