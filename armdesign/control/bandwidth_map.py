@@ -199,7 +199,7 @@ def bandwidth_map(
          boom  f1_hz  merritt_hz  damped_hz
         -0.82   7.45        0.30       5.47
         -0.08  10.40        0.42       7.57
-         0.65  16.63        0.67      11.93
+         0.65  16.63        0.67      11.97
     """
     options = ControlOptions(
         damping=damping,
