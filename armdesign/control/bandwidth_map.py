@@ -197,8 +197,8 @@ def bandwidth_map(
         >>> columns = ["boom", "f1_hz", "merritt_hz", "damped_hz"]
         >>> print(bandwidths.frame[columns].round(2).to_string(index=False))
          boom  f1_hz  merritt_hz  damped_hz
-        -0.82   7.45        0.30       5.47
-        -0.08  10.40        0.42       7.57
+        -0.82   7.45        0.30       5.50
+        -0.08  10.40        0.42       7.59
          0.65  16.63        0.67      11.97
     """
     options = ControlOptions(
