@@ -80,7 +80,7 @@ def _relaxations(
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
             low, high = (low, middle) if might_do(setting, middle) else (middle, high)
-        ways.append(f"{setting} to {outward(high, DIGITS, key in UPPER):g}")
+        ways.append(f"requirements.{setting} to {outward(high, DIGITS, key in UPPER):g}")
     return " or ".join(ways)
 
 

@@ -192,7 +192,8 @@ def test_the_share_that_leaves_a_catalogue_a_size_is_named() -> None:
     with pytest.raises(InfeasibleError, match="for the lift cylinder: its ") as error:
         ad.optimize(double(), None, limits, catalogue=[size], starts=1)
     named = re.findall(
-        r"or relax, at least so far, thrust_share\.lift to ([\d.]+)$", str(error.value)
+        r"or relax, at least so far, requirements\.thrust_share\.lift to ([\d.]+)$",
+        str(error.value),
     )
     assert float(named[0]) == pytest.approx(1.44, abs=0.011)
     assert float(named[0]) >= 1.44
