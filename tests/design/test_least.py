@@ -246,7 +246,7 @@ def test_least_of_a_catalogue_with_pins_as_enumerated(kept: Requirements) -> Non
     assert [(c.bore, c.rod) for c in design.machine.cylinders] == list(chosen.sizes)
     half_a_step = 2.5 * mm / min(c.stroke for c in design.machine.cylinders)
     built = amount_of(design.machine, machine, "oil")
-    assert needed * (1 - 1e-6) <= built <= needed * (1 + half_a_step)
+    assert needed * (1 - 2 * NARROW) <= built <= needed * (1 + half_a_step)
     assert built <= design.requirements.oil_total_share <= needed * (1 + 2 * half_a_step)
     assert max(amounts) > 1.01 * min(amounts)
     assert design.after.frame["f1_hz"].min() >= frequency
