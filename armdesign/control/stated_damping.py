@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import Modes
-from armdesign.hydraulics.actuator import Cylinder, Motor
+from armdesign.machine.actuators import F, with_each
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, pose_text
 
 LEAST = 1e-4  # ζ of the least damped mode that a bandwidth may rest on
-F = TypeVar("F", Cylinder, Motor)
 
 
 def checked_damping(ratio: float | None) -> float | None:
@@ -46,16 +44,15 @@ def controllable(machine: Machine, stated: bool) -> Machine:
     def cleared(actuator: F) -> F:
         valve, friction = actuator.valve, actuator.friction
         if valve is not None:
-            valve = replace(valve, overlap=min(valve.overlap, 0.0))
+            valve = valve.without_overlap
         if stated:
             friction = replace(friction, viscous=0.0)
             if valve is not None:
                 valve = replace(valve, overlap=0.0, leakage=0.0, tank_leakage=0.0)
         return replace(actuator, valve=valve, friction=friction)
 
-    cylinders, motors = map(cleared, machine.cylinders), map(cleared, machine.motors)
     springs = tuple(replace(one, damping_ratio=0.0) for one in machine.springs)
-    changed = replace(machine, cylinders=tuple(cylinders), motors=tuple(motors))
+    changed = with_each(machine, cleared)
     return replace(changed, springs=springs) if stated else changed
 
 

@@ -25,11 +25,10 @@ from armdesign.journal.keys import digest
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
-from armdesign.mechanism.joint_ranges import over
+from armdesign.mechanism.joint_ranges import never_within, over
 from armdesign.progress import with_bar
 from armdesign.short_repr import short_repr
 from armdesign.threads import in_threads
-from armdesign.units import WORKSHOP
 
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 REFUSED = 2_000  # poses that a refusal looks at
@@ -286,12 +285,11 @@ def _refuse_out_of_stroke(machine: Machine, q: Array, end_margin: float) -> None
         fault = "closes at no pose of the workspace"
         raise ArmDesignError(f"{part}.{linkage.key}", fault, linkage.closing_words)
     with np.errstate(invalid="ignore"):
-        lengths, margin = linkage.length(machine.arm.kinematics(few)), end_margin * cylinder.stroke
-    apart = WORKSHOP.span(float(np.nanmin(lengths)), float(np.nanmax(lengths)), "m")
-    ends = cylinder.closed_length + margin, cylinder.open_length - margin
-    fault = f"over the workspace the pins are {apart} apart, never within"
-    remedy = "change closed_length_mm, stroke_mm or the pins, or give more points"
-    raise ArmDesignError(f"{part}.stroke_mm", f"{fault} {WORKSHOP.span(*ends, 'm')}", remedy)
+        fault, remedy = never_within(
+            linkage.length(machine.arm.kinematics(few)), cylinder, end_margin
+        )
+    fault, remedy = f"over the workspace {fault}", f"{remedy}, or give more points"
+    raise ArmDesignError(f"{part}.stroke_mm", fault, remedy)
 
 
 def _least_margin(machine: Machine, q: Array) -> Array:

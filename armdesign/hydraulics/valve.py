@@ -7,8 +7,8 @@ they are given.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 import numpy as np
 
@@ -61,6 +61,11 @@ class Valve:
     def gain(self) -> float:
         """Flow over the root of the pressure drop of an open edge of rated size [m³/s/√Pa]."""
         return self.rated_flow / math.sqrt(self.rated_drop)
+
+    @property
+    def without_overlap(self) -> Self:
+        """The valve whose edges open at once; of an underlap all stays."""
+        return replace(self, overlap=min(self.overlap, 0.0))
 
     @property
     def leaks(self) -> bool:

@@ -58,6 +58,26 @@ def sweep(arm: Arm, joint: int, values: Array) -> RigidPoses:
     return arm.kinematics(q)
 
 
+def working_lengths(cylinder: Cylinder, end_margin: float) -> tuple[float, float]:
+    """Least and greatest length [m] that leave a share of the stroke free."""
+    margin = end_margin * cylinder.stroke
+    return cylinder.closed_length + margin, cylinder.open_length - margin
+
+
+def never_within(lengths: Array, cylinder: Cylinder, end_margin: float) -> tuple[str, str]:
+    """Fault and remedy of a cylinder whose pins are never as far apart as its stroke allows."""
+    low, high = working_lengths(cylinder, end_margin)
+    fault = (
+        f"the pins are {np.nanmin(lengths):.4f} to {np.nanmax(lengths):.4f} m apart, never within"
+        f" [{low:.4f}, {high:.4f}] m"
+    )
+    remedy = "change closed_length_mm, stroke_mm, the pins"
+    if not end_margin:
+        return fault, remedy
+    kept = f" ({100 * end_margin:g} % of the stroke kept free at both ends)"
+    return fault + kept, f"{remedy} or end_margin"
+
+
 @dataclass(frozen=True, eq=False)
 class _JointRange:
     """Search for the range of one joint, which some cylinders move."""
@@ -148,17 +168,11 @@ class _JointRange:
     def _never_in_stroke(self, poses: RigidPoses) -> MachineFileError:
         """The fault of cylinders for which no position of the joint is within their strokes."""
         for linkage, cylinder in self.pairs:
-            length, margin = linkage.length(poses), self.end_margin * cylinder.stroke
-            low, high = cylinder.closed_length + margin, cylinder.open_length - margin
+            length = linkage.length(poses)
+            low, high = working_lengths(cylinder, self.end_margin)
             if not np.any((length >= low) & (length <= high)):
-                kept = f" ({100 * self.end_margin:g} % of the stroke kept free at both ends)"
-                fault = (
-                    f'over joint "{self._name}" the pins are {np.nanmin(length):.4f} to'
-                    f" {np.nanmax(length):.4f} m apart, never within [{low:.4f}, {high:.4f}] m"
-                )
-                remedy = "change closed_length_mm, stroke_mm, the pins"
-                if self.end_margin:
-                    fault, remedy = fault + kept, f"{remedy} or end_margin"
+                fault, remedy = never_within(length, cylinder, self.end_margin)
+                fault = f'over joint "{self._name}" {fault}'
                 return self._fault(f"{cylinder.name}.stroke_mm", fault, remedy)
         names = [cylinder.name for _, cylinder in self.pairs]
         fault = f'at no "{self._name}" are the cylinders {", ".join(names)} in stroke together'

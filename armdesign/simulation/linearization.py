@@ -16,7 +16,6 @@ holds the mean of both, and 0 within an overlap.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +23,8 @@ from numpy.typing import ArrayLike
 from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import PoseError, SimulationError
-from armdesign.hydraulics.actuator import SIDES, Cylinder, Motor
+from armdesign.hydraulics.actuator import SIDES
+from armdesign.machine.actuators import F, with_each
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, joint_positions, pose_text
 from armdesign.mechanism.arm import RigidPoses
@@ -45,7 +45,6 @@ from armdesign.simulation.signals import Signals, signals_of
 
 CHAMBERS = ("cap pressures", "annulus pressures")
 WAY = 200  # poses on which a stable one is looked for
-F = TypeVar("F", Cylinder, Motor)
 
 
 @checked
@@ -180,8 +179,7 @@ def without_dry_friction(machine: Machine) -> Machine:
     def smooth(actuator: F) -> F:
         return replace(actuator, friction=replace(actuator.friction, coulomb=0.0, static=0.0))
 
-    cylinders, motors = map(smooth, machine.cylinders), map(smooth, machine.motors)
-    return replace(machine, cylinders=tuple(cylinders), motors=tuple(motors))
+    return with_each(machine, smooth)
 
 
 def assembled(plant: Plant, point: OperatingPoints) -> LinearModels:

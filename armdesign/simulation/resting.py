@@ -18,14 +18,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError
 from armdesign.frequency.modes import Modes, natural_modes
-from armdesign.hydraulics.actuator import Cylinder, Motor
+from armdesign.machine.actuators import F, with_each
 from armdesign.machine.machine import Machine
 from armdesign.simulation.excitation import SymmetricValve
 from armdesign.simulation.linear_model import LinearModel
@@ -37,7 +37,6 @@ from armdesign.units import bar, mm
 
 BARELY = 0.5 * bar  # above return pressure, or below a relief
 LEAST_END = 1e-3  # of the stroke
-F = TypeVar("F", Cylinder, Motor)
 REFILL = 4.0  # least rate at which the pump fills its line, relative to ω of the fastest mode
 
 
@@ -101,16 +100,13 @@ class Resting:
 
 
 def _without_overlap(machine: Machine) -> Machine:
-    """The machine with spools whose edges open at once; those of an underlap keep it."""
+    """The machine whose spools have none."""
 
     def edged(actuator: F) -> F:
         valve = actuator.valve
-        if valve is None or valve.overlap <= 0:
-            return actuator
-        return replace(actuator, valve=replace(valve, overlap=0.0))
+        return replace(actuator, valve=None if valve is None else valve.without_overlap)
 
-    cylinders, motors = map(edged, machine.cylinders), map(edged, machine.motors)
-    return replace(machine, cylinders=tuple(cylinders), motors=tuple(motors))
+    return with_each(machine, edged)
 
 
 def _with_line(machine: Machine, fastest: float) -> Machine:

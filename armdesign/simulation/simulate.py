@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypedDict, TypeVar, Unpack
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from armdesign.arguments import checked, with_options
 from armdesign.arrays import Array
 from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
-from armdesign.hydraulics.actuator import Cylinder, Motor
+from armdesign.machine.actuators import F, with_each
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import refuse_unheld
 from armdesign.short_repr import short_repr
@@ -30,7 +30,6 @@ TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
 INSTANT = 1e-9  # [s] beyond a state, where the next one could not be reached
 FAR_BEYOND = 0.05  # of the stroke: no stop gives way so far
-F = TypeVar("F", Cylinder, Motor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -213,10 +212,8 @@ def _supplied(case: SimulationCase) -> SimulationCase:
     # A dead pump has no share of its pressure to cut off at.
     flow_limited = machine.supply.flow_limited and pressure > 0
     supplied = replace(
-        machine,
+        with_each(machine, set_as_today),
         supply=replace(machine.supply, pressure=float(pressure), flow_limited=flow_limited),
-        cylinders=tuple(map(set_as_today, machine.cylinders)),
-        motors=tuple(map(set_as_today, machine.motors)),
     )
     return replace(case, machine=supplied)
 
