@@ -83,6 +83,6 @@ def test_one_and_two_workers_here_and_of_a_cluster(
 
     alone = frame(workers=1)
     pd.testing.assert_frame_equal(frame(workers=2), alone, check_exact=True)
-    with dask(tmp_path) as (address, worker):
+    with dask(tmp_path) as (address, worker, _):
         worker(), worker()
         pd.testing.assert_frame_equal(frame(scheduler=address), alone, check_exact=True)
