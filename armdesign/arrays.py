@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
 from typing import Any, TypeAlias, TypeVar
@@ -96,6 +96,14 @@ def stacked(parts: Iterable[T], count: int) -> T:
             target[row:end] = array
         row = end
     return type(part)(**values | whole)
+
+
+def by_columns(rows: Sequence[Mapping[str, object]]) -> dict[str, Array]:
+    """Columns (n,) by name of rows by name; NaN where a row has none of a name."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {name: [row.get(name, np.nan) for row in rows] for name in names}
+    texts = {name for name in names if any(isinstance(cell, str) for cell in columns[name])}
+    return {n: np.array(c, dtype=object if n in texts else None) for n, c in columns.items()}
 
 
 def product(a: Array, b: Array) -> Array:

@@ -163,6 +163,7 @@ def validate(run: OverWorkspace, workers: PosesWorkersOption = 1) -> None:
     frequency responses and report.html.
     """
     from armdesign import plots
+    from armdesign.arrays import by_columns
     from armdesign.drawing.colours import actuator_colours
     from armdesign.report.contents import Picture
     from armdesign.report.validations import validation_chart, validation_sheet, verdict
@@ -187,7 +188,7 @@ def validate(run: OverWorkspace, workers: PosesWorkersOption = 1) -> None:
         output_reports.write_plain_report(
             title, items, [responses], charts, drawn, provenance, folder
         )
-    run.show(items, lambda: of_validation(answer), {"validation": answer.frame})
+    run.show(items, lambda: of_validation(answer), {"validation": by_columns(answer.rows)})
 
 
 @app.command()
@@ -223,7 +224,7 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
                 answer, proofs, run.origin(search), folder, run.units.units
             )
     shown: list[Any] = [*sheets, limiting_sheet(proofs), summary(answer)]
-    tables = {"validation": output.validations_frame(proofs, "version")}
+    tables = {"validation": output.validation_columns(proofs, "version")}
     run.show(shown, lambda: {**of_validation(proofs["new"]), **of_search(answer)}, tables)
 
 

@@ -15,7 +15,10 @@ from armdesign.errors import ArmDesignError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.arrays import Array
     from armdesign.report.sheet import Sheet
+
+    Tables = Mapping[str, pd.DataFrame | Mapping[str, Array]]
 
 Cell = int | float | str | bool | None
 
@@ -71,12 +74,13 @@ class Document(Part):
         self.sentences += [item for item in items if isinstance(item, str)]
         self.sheets += [_printed(item) for item in items if not isinstance(item, str)]
 
-    def add_answers(self, numbers: Mapping[str, Any], tables: Mapping[str, pd.DataFrame]) -> None:
-        """Add numbers by name, and frames by the name of their CSV file."""
+    def add_answers(self, numbers: Mapping[str, Any], tables: Tables) -> None:
+        """Add numbers by name, and tables by the name of their CSV file."""
         self.numbers |= {name: _value(value) for name, value in numbers.items()}
-        for name, frame in tables.items():
-            rows = frame.to_dict("records")
-            self.tables[name] = [{str(k): _value(cell) for k, cell in row.items()} for row in rows]
+        for name, table in tables.items():
+            columns = {str(head): column.tolist() for head, column in table.items()}
+            rows = zip(*columns.values(), strict=True)
+            self.tables[name] = [dict(zip(columns, map(_value, row), strict=True)) for row in rows]
 
     def add_fault(self, error: ArmDesignError) -> None:
         """Add a fault."""

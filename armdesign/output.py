@@ -251,20 +251,19 @@ def check_urdf(machine: Machine, out: Path) -> None:
     raise _refused(out, f"another {urdf.name} is there")
 
 
-def validations_frame(validations: Mapping[str, Validation], label: str = "") -> pd.DataFrame:
+def validation_columns(validations: Mapping[str, Validation], label: str = "") -> dict[str, Array]:
     """All validations as in ``validation.csv``; their names go into a column ``label``."""
-    import pandas as pd
+    from armdesign.arrays import by_columns
 
-    named = (({label: name} if label else {}, one.frame) for name, one in validations.items())
-    frames = [frame.assign(**column) for column, frame in named]
-    return pd.concat(frames, ignore_index=True)
+    named = (({label: name} if label else {}, one.rows) for name, one in validations.items())
+    return by_columns([row | column for column, rows in named for row in rows])
 
 
 def write_validations(
     validations: Mapping[str, Validation], folder: Path, label: str = ""
 ) -> None:
     """Write all validations as one CSV file; their names go into a column ``label``."""
-    write_csv(validations_frame(validations, label), folder / "validation.csv")
+    write_csv(validation_columns(validations, label), folder / "validation.csv")
 
 
 def _refused(out: Path | str, fault: str) -> ArmDesignError:

@@ -51,10 +51,8 @@ from armdesign.output import changed, check_out, command_line, kept, outputs, sh
 from armdesign.progress import progress
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from armdesign.frequency.workspace import Workspace
-    from armdesign.json_document import Document
+    from armdesign.json_document import Document, Tables
     from armdesign.machine.machine import Machine
     from armdesign.report.provenance import Origin
     from armdesign.report.sheet import Sheet
@@ -180,14 +178,14 @@ class Shown:
         self,
         items: Sequence[Sheet | str],
         numbers: Callable[[], Mapping[str, Any]] = dict,
-        tables: Mapping[str, pd.DataFrame] | None = None,
+        tables: Tables | None = None,
     ) -> None:
         """Print sheets and sentences, or add them to the document.
 
         Args:
             items: to be printed.
             numbers: gives what they come down to, by name; for the document alone.
-            tables: frames by the name of their CSV file; for the document alone.
+            tables: frames or columns by the name of their CSV file; for the document alone.
         """
         if self.json:
             self.document.add(items)

@@ -91,11 +91,16 @@ class Validation:
         return tuple(one for one in self.sweeps if isinstance(one, Failure))
 
     @property
+    def rows(self) -> list[dict[str, object]]:
+        """One row per sweep, as in ``validation.csv``, without what a failure did not find."""
+        return [self._row(one) for one in self.sweeps]
+
+    @property
     def frame(self) -> pd.DataFrame:
-        """One row per sweep, as in ``validation.csv``; what a failure did not find is empty."""
+        """The rows as a frame of pandas; what a failure did not find is empty."""
         import pandas as pd
 
-        return pd.DataFrame([self._row(one) for one in self.sweeps])
+        return pd.DataFrame(self.rows)
 
     def _row(self, sweep: FittedMode | Failure) -> dict[str, object]:
         """All columns in their order; of a failure only what a sweep is known by."""
