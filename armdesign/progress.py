@@ -149,6 +149,7 @@ def rounds(what: str, total: int) -> Iterator[Callable[[int], None]]:
     yield finished
     if loop in work.loops:
         work.loops.remove(loop)
+        work.tell()
 
 
 def with_bar(slices: Iterable[slice], count: int, what: str) -> Iterator[slice]:
