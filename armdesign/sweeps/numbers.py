@@ -48,7 +48,8 @@ MEANINGS = {
     "worst_deviation": "largest deviation of identified from linear frequencies; 0.01 is 1 %",
     "runs": "number of nonlinear runs from which a frequency was identified",
     "failures": "number of nonlinear runs that failed",
-    "linear_hz": "linear frequency of the lowest mode [Hz]",
+    "linear_hz": "linear frequency of the lowest mode [Hz]; null, as the next three, where no"
+    " run of it was fitted",
     "identified_hz": "frequency of the lowest mode in its nonlinear run [Hz]",
     "linear_damping": "linear damping ratio of the lowest mode",
     "identified_damping": "damping ratio of the lowest mode in its nonlinear run",
@@ -106,17 +107,14 @@ def of_validation(validation: Validation) -> Numbers:
     """Largest deviation of identified from linear frequencies, and of the lowest mode its run."""
     runs = validation.limiting.runs
     lowest = min(runs, key=lambda run: run.linear_frequency, default=None)
-    of_lowest = {} if lowest is None else {
-        "linear_hz": lowest.linear_frequency,
-        "identified_hz": lowest.identified_frequency,
-        "linear_damping": lowest.linear_damping,
-        "identified_damping": lowest.identified_damping,
-    }  # fmt: skip
     return {
         "worst_deviation": validation.worst_deviation,
         "runs": len(validation.runs),
         "failures": len(validation.failures),
-        **of_lowest,
+        "linear_hz": getattr(lowest, "linear_frequency", None),
+        "identified_hz": getattr(lowest, "identified_frequency", None),
+        "linear_damping": getattr(lowest, "linear_damping", None),
+        "identified_damping": getattr(lowest, "identified_damping", None),
     }
 
 

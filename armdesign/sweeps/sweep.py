@@ -27,6 +27,8 @@ from armdesign.sweeps.numbers import Numbers
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
 
+VARYING = "new.", "bandwidth"  # how names of answers begin that some cases may not have
+
 
 class Variants(TypedDict, total=False):
     """What differs between cases, beside machines, changes and options of the task."""
@@ -161,6 +163,7 @@ class _CaseRunner:
     outputs: tuple[str, ...] | None
     retried: list[str] = field(default_factory=list)
     computed: set[str] = field(default_factory=set)
+    answered: set[str] = field(default_factory=set)  # machines that have an answer
 
     def answers(self, cases: Sequence[Case], journal: Journal | None) -> Sweep:
         """The cases with the answers that a journal has, and those that are computed.
@@ -191,11 +194,24 @@ class _CaseRunner:
             outputs=self.outputs,
         )
 
-    def _refuse_unknown_outputs(self, outcomes: Iterable[Entry]) -> None:
-        """Raise for chosen answers that no case has, if any case has answers."""
+    def _refuse_misspelt_outputs(self, outcomes: Iterable[Entry]) -> None:
+        """Raise for chosen answers that no case will have, once every machine has answers.
+
+        Our own tasks have the same ones for all cases of a machine, but for what a design changes.
+        """
+        if isinstance(self.study.task, str) and self.answered == set(self.study.machines):
+            self._refuse_unknown_outputs(outcomes, varying=VARYING)
+
+    def _refuse_unknown_outputs(
+        self, outcomes: Iterable[Entry], varying: tuple[str, ...] = ()
+    ) -> None:
+        """Raise for chosen answers that no case has, if any case has answers.
+
+        But for those whose names begin with ``varying``.
+        """
         known = names_of(outcomes)
         for name in self.outputs or ():
-            if known and name not in known:
+            if known and name not in known and not name.startswith(varying):
                 raise ArmDesignError("outputs", f"no case has {name!r}", choose(name, known))
 
     def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
@@ -231,6 +247,9 @@ class _CaseRunner:
                 yield case, outcome
                 known[case.key] = outcome
                 self.computed.add(case.key)
+                if outcome.answer and case.machine not in self.answered:
+                    self.answered.add(case.machine)
+                    self._refuse_misspelt_outputs(known.values())
                 self.say(f"{len(known)} of {count} cases")
                 finished(done)
 

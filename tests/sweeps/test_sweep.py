@@ -375,3 +375,10 @@ def test_fields_are_numbers_as_the_machine_file_has_them(tmp_path: Path) -> None
     path = tmp_path / "c.csv"
     path.write_text("a\n1_000\n12\n1.5e1\nnan\ntrue\n")
     assert [one["a"] for one in csv_changes(path)] == ["1_000", 12, 15.0, "nan", True]
+
+
+def test_a_misspelt_answer_is_refused_after_the_first_case() -> None:
+    told = list[str]()
+    with pytest.raises(ad.ArmDesignError, match=r"no case has 'wrost_hz'; did you mean"):
+        ad.sweep("paper_1dof", MODULI, points=3, outputs=["wrost_hz"], say=told.append)
+    assert told == []
