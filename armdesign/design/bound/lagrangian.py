@@ -63,7 +63,7 @@ ROWS, COLUMNS = 24, 48  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
-NEGLIGIBLE = 1e-5  # of the weight of all rows
+NEGLIGIBLE = 1e-5  # of the weight of all rows, or of a mixture
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
 CELLS, DRAWN_CELLS = 20_000, 6_000  # branched per cylinder; steps of a drawing hold cells up
 COVER = 800  # cells with which the next branching of a cylinder begins, at most
@@ -314,24 +314,24 @@ class LagrangianDual:
     def values(self, columns: Columns, multipliers: Multipliers) -> Array:
         """Each column's part (c,) of the upper bound."""
         used = np.flatnonzero(multipliers.trace > 0)
-        entries = self.diagonals(columns, multipliers.rows[used]) * self.reference
-        weight = np.diagonal(multipliers.weight[used], axis1=1, axis2=2)
-        own = weight[:, self._place[columns.drive]]
-        return np.asarray(np.einsum("cn,nc->c", entries, own) - columns.oil @ multipliers.oil)
+        weight, entries = multipliers.weight[used], self.diagonals(columns, multipliers.rows[used])
+        own = np.diagonal(weight, axis1=1, axis2=2)[:, self._place[columns.drive]]
+        stiff = self.reference * np.einsum("cn,nc->c", entries, own)
+        return np.asarray(stiff - columns.oil @ multipliers.oil)
 
     def _take_rows(self, multipliers: Multipliers) -> float:
         """Replace rows of least weight by the mixture's lowest; returns its lowest ω²."""
         inverse, base = self._watched_bases
-        shared = multipliers.mixture[:, None] * self.diagonals(self.columns, self.watched)
-        of_drives = [shared[self.columns.drive == k].sum(axis=0) for k in range(len(self.drives))]
+        columns = self.columns[counts := multipliers.mixture > NEGLIGIBLE]
+        shared = multipliers.mixture[counts, None] * self.diagonals(columns, self.watched)
+        of_drives = [shared[columns.drive == k].sum(axis=0) for k in range(len(self.drives))]
         across = inverse[:, :, self._place]
         mixed = base + (across * np.stack(of_drives, axis=1)[:, None]) @ across.swapaxes(1, 2)
         lowest = np.linalg.eigvalsh(mixed)[:, 0]
         worst = np.argsort(lowest)[:ENTERING]
         new = np.setdiff1d(self.watched[worst[lowest[worst] < multipliers.mixed]], self.rows)
-        self.rows = np.concatenate([new, self.rows[np.argsort(-multipliers.trace)]])[
-            : len(self.rows)
-        ]
+        heaviest = self.rows[np.argsort(-multipliers.trace)]
+        self.rows = np.concatenate([new, heaviest])[: len(self.rows)]
         return float(lowest.min())
 
     def _take(self, multipliers: Multipliers, new: Columns) -> None:
