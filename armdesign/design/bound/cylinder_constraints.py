@@ -167,12 +167,11 @@ class CylinderConstraints:
         return Interval(np.where(fits, scale.low, np.inf), scale.high)
 
     def built(self, stroke: Array, e: Enclosure, scale: Interval) -> Array:
-        """Least strokes (m, …) on the drawing's grid, of no less than some over boxes (m,) [m]."""
+        """Least strokes (…, m) on the drawing's grid, of no less than some over boxes (m,) [m]."""
         assert self.drawn is not None
         stays = self.drawn.stays(e.wide.b)
-        of_box = e.wide.closed.high * scale.high, e.wide.open.low * scale.low, stays
-        ones = np.ones(stroke.ndim - 1, dtype=int)
-        return self.drawn.built(stroke, *(part.reshape(-1, *ones) for part in of_box))
+        closed, opened = e.wide.closed.high * scale.high, e.wide.open.low * scale.low
+        return self.drawn.built(stroke, closed, opened, stays)
 
     def _of_pairs(
         self, kept: Array, e: Enclosure, scale: Interval, low: Array, high: Array
@@ -183,21 +182,22 @@ class CylinderConstraints:
         """
         pairs = self.areas.pairs
         assert pairs is not None
-        inside = np.ones((len(low), len(pairs)), dtype=bool)
+        inside = np.ones((len(pairs), len(low)), dtype=bool)
         if low.shape[1] > 0:
-            inside = np.all((pairs >= low[:, None]) & (pairs <= high[:, None]), axis=2)
-            some = inside.any(axis=0)
-            pairs, inside = pairs[some], inside[:, some]
-        whole, (cap, annulus) = scale, pairs.T
+            each = pairs.T[..., None]
+            inside = np.all((each >= low.T[:, None]) & (each <= high.T[:, None]), axis=0)
+            some = inside.any(axis=1)
+            pairs, inside = pairs[some], inside[some]
+        whole, (cap, annulus) = scale, pairs.T[..., None]
         stroke, scale = self._of_each_pair(e, scale, pairs)
         possible = inside & ~((stroke.low > stroke.high) | (scale.low > scale.high))
-        left = np.flatnonzero(possible.any(axis=1))
+        left = np.flatnonzero(possible.any(axis=0))
 
         def span(low: Array, high: Array) -> Interval:
             """Of what is possible (k,)."""
             return Interval(
-                np.where(possible, low, np.inf).min(axis=1, initial=np.inf)[left],
-                np.where(possible, high, -np.inf).max(axis=1, initial=-np.inf)[left],
+                np.where(possible, low, np.inf).min(axis=0, initial=np.inf)[left],
+                np.where(possible, high, -np.inf).max(axis=0, initial=-np.inf)[left],
             )
 
         volume, ratio = span(cap * stroke.low, cap * stroke.high), span(*2 * [annulus / cap])
@@ -221,13 +221,12 @@ class CylinderConstraints:
     def _of_each_pair(
         self, e: Enclosure, scale: Interval, pairs: Array
     ) -> tuple[Interval, Interval]:
-        """Strokes and scales (m, p) that boxes of scales (m,) allow each pair of areas."""
-        cap, annulus = pairs.T
+        """Strokes and scales (p, m) that boxes of scales (m,) allow each pair of areas."""
+        cap, annulus = pairs.T[..., None]
         with np.errstate(divide="ignore"):  # no buckling
             longest = (cap - annulus) / np.sqrt(self.buckling * cap)
-        longest = longest / e.wide.open.low[:, None]
-        scale, own = scale[:, None], e.stroke[:, None]
-        most = (self.volume[1] / pairs).min(axis=1)
+        longest, own = longest / e.wide.open.low, e.stroke
+        most = (self.volume[1] / pairs).min(axis=1)[:, None]
         if self.drawn is not None:
             most = np.minimum(self.drawn.fitting(most), self.drawn.most) + self.drawn.allowance
         scale = Interval(scale.low, np.minimum(scale.high, longest))
@@ -245,7 +244,7 @@ class CylinderConstraints:
         _, e, scale = self._placed(*self.shape.cut())
         stroke, scale = self._of_each_pair(e, scale, pairs)
         possible = ~((stroke.low > stroke.high) | (scale.low > scale.high))
-        areas = CylinderAreas.of_pairs(pairs[possible.any(axis=0)])
+        areas = CylinderAreas.of_pairs(pairs[possible.any(axis=1)])
         return None if areas is None else replace(self, areas=areas)
 
     def of_useful_angles(self) -> CylinderConstraints:
@@ -268,21 +267,17 @@ class CylinderConstraints:
         can ask for most.
         """
         if e.is_point:
-            return np.ones((len(e.reach), len(self.shape.constant) - 2), dtype=bool)
-        arm, size = (e.wide.arm * self.shape.sign).above(LEAST), self._rates(e)
-        arm, ranged = arm[:, : self.ranged], size[:, : self.ranged]
-        useful = arm.low <= arm.high.min(axis=1, keepdims=True)
+            return np.ones((e.reach.shape[1], len(self.shape.constant) - 2), dtype=bool)
+        arm, size = e.wide.arm.above(LEAST), e.rate_above_nothing
+        arm, ranged = arm[: self.ranged], size[: self.ranged]
+        useful = arm.low <= arm.high.min(axis=0)
         if self.torque.any():
-            useful |= ranged.high >= ranged.low.max(axis=1, keepdims=True)
-        return np.column_stack([useful[:, 2:], self.loads.greatest(size[:, self.ranged :])])
-
-    def _rates(self, e: Enclosure) -> Interval:
-        """Sizes |ρ| of the rates (m, n)."""
-        return (e.rate * self.shape.sign).above(LEAST)
+            useful |= ranged.high >= ranged.low.max(axis=0)
+        return np.concatenate([useful[2:], self.loads.greatest(size[self.ranged :])]).T
 
     def _long_enough(self, e: Enclosure, scale: Interval) -> Interval:
         """The scales at which moment arm and dead length may suffice."""
-        low = np.maximum(scale.low, self.arm / e.wide.arm.size[:, : self.ranged].min(axis=1))
+        low = np.maximum(scale.low, self.arm / e.wide.arm.high[: self.ranged].min(axis=0))
         spare = e.wide.closed.high - e.stroke.low
         with np.errstate(divide="ignore", invalid="ignore"):
             needed = self.dead_length / spare
@@ -293,7 +288,7 @@ class CylinderConstraints:
     def _least_volumes(self, e: Enclosure, scale: Interval, floor: Array) -> Array:
         """Swept volumes (m, 2) that torques and loads need at least, from a floor up."""
         least = self.areas.ends[0] * (e.stroke.low * np.minimum(scale.low, scale.high))[:, None]
-        cap, annulus = np.maximum(np.maximum(least, self._turning(e)), floor).T
+        cap, annulus = np.maximum(np.maximum(least, self._turning(e).T), floor).T
         push, pull = self._held(e)
         for _ in range(2):
             cap = np.maximum(
@@ -305,28 +300,28 @@ class CylinderConstraints:
         return np.stack([cap, annulus], axis=1)
 
     def _least_strokes(self, e: Enclosure, pairs: Array) -> Array:
-        """Strokes (m, p) that pairs of areas (p, 2) need at least for torques and loads."""
-        least = (self._turning(e)[:, None] / pairs).max(axis=2)
-        for force, own, other in zip(self._held(e), pairs.T, pairs.T[::-1], strict=True):
+        """Strokes (p, m) that pairs of areas (p, 2) need at least for torques and loads."""
+        areas = pairs.T[..., None]
+        least = (self._turning(e)[:, None] / areas).max(axis=0)
+        for force, own, other in zip(self._held(e), areas, areas[::-1], strict=True):
             area = np.maximum(self.supply * own - self.back * other, 0.0)
             with np.errstate(divide="ignore", invalid="ignore"):  # no load on no area
-                least = np.fmax(least, force[:, None] / area)
+                least = np.fmax(least, force / area)
         return np.asarray(least)
 
     def _turning(self, e: Enclosure) -> Array:
-        """Swept volumes (m, 2) that torques need at least."""
-        size = e.rate.size
-        most = size[:, : self.ranged].max(axis=1)
+        """Swept volumes (2, m) that torques need at least."""
+        rate = e.rate.high
+        most = rate[: self.ranged].max(axis=0)
         if self.drawn is not None and self.drawn.pin is not None:  # exact at a place of a pin
-            at = np.flatnonzero(np.all(e.reach == 0, axis=1))
-            most[at] = self.drawn.peaks(e.centre.b.low[at]) / e.stroke.low[at] * (1 - PEAK)
-        least = self.torque / most[:, None]
-        return np.maximum(least, (self.end_torque / size[:, :2, None]).max(axis=1))
+            at = np.flatnonzero(np.all(e.reach == 0, axis=0))
+            most[at] = self.drawn.peaks(e.centre.b.low[:, at].T) / e.stroke.low[at] * (1 - PEAK)
+        least = self.torque[:, None] / most
+        return np.maximum(least, (self.end_torque[..., None] / rate[:2, None]).max(axis=0))
 
     def _held(self, e: Enclosure) -> Array:
         """Pressure times swept volume (2, m) by which loads push and pull."""
-        size = e.rate.size
-        return self.loads.most(size[:, size.shape[1] - len(self.loads.angle) :])
+        return self.loads.most(e.rate.high[self.ranged :])
 
     def _buildable(
         self, e: Enclosure, scale: Interval, least: Array, most: Array, slender: Array

@@ -45,25 +45,25 @@ class Loads:
     place: Array
 
     def most(self, size: Array) -> Array:
-        """Greatest torque over rate of push and pull (2, m), for rates (m, n) of this size."""
+        """Greatest torque over rate of push and pull (2, m), for rates (n, m) of this size."""
         if len(self.angle) == 0:
-            return np.zeros((2, len(size)))
+            return np.zeros((2, size.shape[1]))
         starts = np.flatnonzero(np.diff(self.place, prepend=-1))
-        easiest = np.minimum.reduceat(self.held[:, None] / size, starts, axis=2)
-        return np.asarray(easiest.max(axis=2))
+        easiest = np.minimum.reduceat(self.held[..., None] / size, starts, axis=1)
+        return np.asarray(easiest.max(axis=1))
 
     def greatest(self, size: Interval) -> Flags:
-        """Loads (m, n) of places that may ask for most where rates (m, n) have these sizes."""
+        """Loads (n, m) of places that may ask for most where rates (n, m) have these sizes."""
         if len(self.angle) == 0:
-            return np.zeros((len(size.low), 0), dtype=bool)
+            return np.zeros(size.low.shape, dtype=bool)
         starts = np.flatnonzero(np.diff(self.place, prepend=-1))
         least, most = (
-            np.minimum.reduceat(self.held[:, None] / end, starts, axis=2)
+            np.minimum.reduceat(self.held[..., None] / end, starts, axis=1)
             for end in (size.high, size.low)
         )
-        greatest = (most > 0) & (most >= least.max(axis=2, keepdims=True))
+        greatest = (most > 0) & (most >= least.max(axis=1, keepdims=True))
         count = np.diff([*starts, len(self.place)])
-        return np.repeat(greatest.any(axis=0), count, axis=1)
+        return np.repeat(greatest.any(axis=0), count, axis=0)
 
     def __getitem__(self, loads: Array) -> Loads:
         place = np.unique(self.place[loads], return_inverse=True)[1]

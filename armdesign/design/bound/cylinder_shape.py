@@ -14,6 +14,9 @@ Stiffness needs less still: with swept volumes v = A S in place of areas, only t
 Enclosures are the natural interval extension cut with the mean value form f(c) ± Σ max|∂f/∂b_k|
 δ_k (Moore, Kearfott and Cloud, Introduction to Interval Analysis, 2009, ch. 5 and 6), whose excess
 falls with the square of the box.
+
+Boxes are the last axis of all that is enclosed, after b's coordinates and angles: there are many
+more of them, so that numpy's innermost loops are long.
 """
 
 from __future__ import annotations
@@ -85,6 +88,7 @@ class Shape:
 
         Exact for boxes of no width.
         """
+        low, high = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
         if np.array_equal(low, high):
             points = Natural(self, interval(low))
             return Enclosure(points, points, np.zeros_like(low))
@@ -96,10 +100,10 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Natural:
-    """Enclosure of a shape over boxes ``b`` (m, 2) at n angles, by interval arithmetic alone.
+    """Enclosure of a shape over boxes ``b`` (2, m) at n angles, by interval arithmetic alone.
 
-    place σ, rate ρ, bend τ and arm r (m, n) with their slopes by b (m, n, 2); lengths, stroke
-    (m,), its slope (m, 2). What no working cylinder can be (an arm of the other sign, a negative
+    place σ, rate |ρ|, bend τ and arm |r| (n, m) with their slopes by b (2, n, m); lengths, stroke
+    (m,), its slope (2, m). What no working cylinder can be (an arm of the other sign, a negative
     stroke) is cut off; slopes then hold only between working cylinders, which is not enough for a
     mean value form: see ``whole``.
     """
@@ -108,18 +112,30 @@ class Natural:
     b: Interval
 
     @cached_property
+    def _slopes(self) -> Array:
+        """Slopes s of u, |u'| and u'' (3, 2, n, 1)."""
+        slopes = np.ascontiguousarray(self.shape.slope.transpose(1, 2, 0))[..., None]
+        slopes[1] *= self.shape.sign
+        return slopes
+
+    @cached_property
+    def _constants(self) -> Array:
+        """Constants c of u, |u'| and u'' (3, n, 1)."""
+        constants = np.ascontiguousarray(self.shape.constant.T)[..., None]
+        constants[1] *= self.shape.sign
+        return constants
+
+    @cached_property
     def _lever(self) -> Interval:
-        return self.b[:, None, :] + self.shape.slope[:, 0]
+        return self.b[:, None] + self._slopes[0]
 
     @cached_property
     def _uncut(self) -> tuple[Interval, Interval]:
         """u, and u' with the sign that makes it positive."""
-        start = self.b.like(self.shape.slope[:, 0])
-        flat = start.square().sum(axis=1) * -0.5 + self.shape.constant[:, 0]
-        first = (self.b[:, None, :] * self.shape.slope[:, 1]).sum(axis=2) + self.shape.constant[
-            :, 1
-        ]
-        return self._lever.square().sum(axis=2) * 0.5 + flat, first * self.shape.sign
+        start = self.b.like(self._slopes[0])
+        flat = start.square().sum(axis=0) * -0.5 + self._constants[0]
+        first = (self.b[:, None] * self._slopes[1]).sum(axis=0) + self._constants[1]
+        return self._lever.square().sum(axis=0) * 0.5 + flat, first
 
     @cached_property
     def whole(self) -> Flags:
@@ -127,7 +143,7 @@ class Natural:
         u, first = self._uncut
         ends = self._swept
         return np.asarray(
-            np.all((u.low >= LEAST) & (first.low >= LEAST), axis=1) & (ends.low >= LEAST)
+            np.all((u.low >= LEAST) & (first.low >= LEAST), axis=0) & (ends.low >= LEAST)
         )
 
     @cached_property
@@ -141,48 +157,58 @@ class Natural:
 
     @cached_property
     def _ratio(self) -> Interval:
-        """u''/u'."""
-        second = (self.b[:, None, :] * self.shape.slope[:, 2]).sum(axis=2) + self.shape.constant[
-            :, 2
-        ]
-        return second * self._first.reciprocal() * self.shape.sign
+        """u''/|u'|."""
+        second = (self.b[:, None] * self._slopes[2]).sum(axis=0) + self._constants[2]
+        return second * self._per_first
 
     @cached_property
     def _length(self) -> Interval:
         return (self._half_square * 2).sqrt()
 
     @cached_property
+    def _per_half_square(self) -> Interval:
+        return self._half_square.reciprocal()
+
+    @cached_property
+    def _per_first(self) -> Interval:
+        return self._first.reciprocal()
+
+    @cached_property
+    def _per_length(self) -> Interval:
+        return self._length.reciprocal()
+
+    @cached_property
     def _along(self) -> Interval:
         """∂ℓ/∂b, a unit vector."""
-        unit = self._lever * self._length.reciprocal()[..., None]
+        unit = self._lever * self._per_length
         return unit.within(Interval(np.array(-1.0), np.array(1.0)))
 
     @cached_property
     def arm(self) -> Interval:
-        """Moment arm r (m, n)."""
-        return self._first * self.shape.sign * self._length.reciprocal()
+        """Moment arm |r| (n, m)."""
+        return self._first * self._per_length
 
     @cached_property
     def closed(self) -> Interval:
         """Least length (m,)."""
         return (
-            self._length[:, 0] - self.stroke * self.shape.spare[0]
+            self._length[0] - self.stroke * self.shape.spare[0]
             if self.shape.fixed is None
-            else self.b.like(np.full(len(self.b.low), self.shape.fixed[0]))
+            else self.b.like(np.full(self.b.low.shape[1], self.shape.fixed[0]))
         )
 
     @cached_property
     def open(self) -> Interval:
         """Greatest length (m,)."""
         if self.shape.fixed is None:
-            return self._length[:, 1] + self.stroke * self.shape.spare[1]
+            return self._length[1] + self.stroke * self.shape.spare[1]
         return self.closed + self.shape.fixed[1]
 
     @cached_property
     def _swept(self) -> Interval:
         """The stroke but for what may be cut off (m,)."""
         if self.shape.fixed is None:
-            return (self._length[:, 1] - self._length[:, 0]) * self.shape.per_travel
+            return (self._length[1] - self._length[0]) * self.shape.per_travel
         return self.open - self.closed
 
     @cached_property
@@ -191,8 +217,12 @@ class Natural:
         return self._swept.above(LEAST)
 
     @cached_property
+    def _per_stroke(self) -> Interval:
+        return self.stroke.reciprocal()
+
+    @cached_property
     def stroke_slope(self) -> Interval:
-        """∂S/∂b (m, 2)."""
+        """∂S/∂b (2, m)."""
         return (
             (self._along[:, 1] - self._along[:, 0]) * self.shape.per_travel
             if self.shape.fixed is None
@@ -201,50 +231,51 @@ class Natural:
 
     @cached_property
     def place(self) -> Interval:
-        """Piston's place σ = s/S (m, n)."""
+        """Piston's place σ = s/S (n, m)."""
         fixed = self.shape.fixed is not None
-        start, place = (self.closed, 0.0) if fixed else (self._length[:, 0], self.shape.spare[0])
-        return (self._length - start[:, None]) * self.stroke.reciprocal()[:, None] + place
+        start, place = (self.closed, 0.0) if fixed else (self._length[0], self.shape.spare[0])
+        return (self._length - start) * self._per_stroke + place
 
     @cached_property
     def place_slope(self) -> Interval:
-        """∂σ/∂b (m, n, 2)."""
+        """∂σ/∂b (2, n, m)."""
         start = self._along[:, :1] if self.shape.fixed is None else 0.0
         along = self.place - (self.shape.spare[0] if self.shape.fixed is None else 0.0)
-        change = self._along - start - along[..., None] * self.stroke_slope[:, None]
-        return change * self.stroke.reciprocal()[:, None, None]
+        change = self._along - start - along * self.stroke_slope[:, None]
+        return change * self._per_stroke
 
     @cached_property
     def rate(self) -> Interval:
-        """Its rate ρ = r/S (m, n)."""
-        return self.arm * self.stroke.reciprocal()[:, None]
+        """Its rate |ρ| = |r|/S (n, m)."""
+        return self.arm * self._per_stroke
 
     @cached_property
     def arm_slope(self) -> Interval:
-        """∂r/∂b (m, n, 2)."""
-        change = self.shape.slope[:, 1] - self._along * self.arm[..., None]
-        return change * self._length.reciprocal()[..., None]
+        """∂|r|/∂b (2, n, m)."""
+        change = self._slopes[1] - self._along * self.arm
+        return change * self._per_length
 
     @cached_property
     def rate_slope(self) -> Interval:
-        """∂ρ/∂b (m, n, 2)."""
-        change = self.arm_slope - self.rate[..., None] * self.stroke_slope[:, None]
-        return change * self.stroke.reciprocal()[:, None, None]
+        """∂|ρ|/∂b (2, n, m)."""
+        change = self.arm_slope - self.rate * self.stroke_slope[:, None]
+        return change * self._per_stroke
 
     @cached_property
     def bend(self) -> Interval:
-        """Bend τ = H/r (m, n)."""
-        return self._ratio - self._first * self.shape.sign * self._half_square.reciprocal() * 0.5
+        """Bend τ = H/r (n, m)."""
+        return self._signed(self._ratio - self._first * self._per_half_square * 0.5)
 
     @cached_property
     def bend_slope(self) -> Interval:
-        """∂τ/∂b (m, n, 2)."""
-        first, by_u = self.shape.slope[:, 1], self._half_square.reciprocal()[..., None]
-        by_first = (self._first.reciprocal() * self.shape.sign)[..., None]
-        sweep_of_u = self._lever * (self._first * self.shape.sign)[..., None] * by_u
-        return (self.shape.slope[:, 2] - self._ratio[..., None] * first) * by_first - (
-            first - sweep_of_u
-        ) * by_u * 0.5
+        """∂τ/∂b (2, n, m)."""
+        first, by_u = self._slopes[1], self._per_half_square
+        of_ratio = (self._slopes[2] - self._ratio * first) * self._per_first
+        return self._signed(of_ratio - (first - self._lever * self._first * by_u) * by_u * 0.5)
+
+    def _signed(self, bend: Interval) -> Interval:
+        """What changes its sign with the moment arm, from what it is beside the arm's size."""
+        return bend if self.shape.sign > 0 else -bend
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,23 +296,28 @@ class Enclosure:
 
     @cached_property
     def place(self) -> Interval:
-        """Piston's place σ = s/S (m, n)."""
+        """Piston's place σ = s/S (n, m)."""
         return self._cut("place")
 
     @cached_property
     def rate(self) -> Interval:
-        """Its rate ρ = r/S (m, n)."""
+        """Its rate |ρ| = |r|/S (n, m)."""
         return self._cut("rate")
 
     @cached_property
     def bend(self) -> Interval:
-        """Bend τ = H/r (m, n)."""
+        """Bend τ = H/r (n, m)."""
         return self._cut("bend")
 
     @cached_property
     def arm(self) -> Interval:
-        """Moment arm r (m, n)."""
+        """Moment arm |r| (n, m)."""
         return self._cut("arm")
+
+    @cached_property
+    def rate_above_nothing(self) -> Interval:
+        """The rate (n, m) where it divides."""
+        return self.rate.above(LEAST)
 
     @cached_property
     def stroke(self) -> Interval:
@@ -293,10 +329,8 @@ class Enclosure:
             points: Interval = getattr(self.wide, name)
             return points
         slope: Interval = getattr(self.wide, f"{name}_slope")
-        reach, whole = self.reach, self.wide.whole
-        if slope.low.ndim == 3:  # at every angle
-            reach, whole = reach[:, None], whole[:, None]
-        spread = np.where(whole, slope.spread(reach, slope.low.ndim - 1), np.inf)
+        reach = self.reach if slope.low.ndim == 2 else self.reach[:, None]  # at every angle
+        spread = np.where(self.wide.whole, slope.spread(reach, 0), np.inf)
         cut: Interval = getattr(self.wide, name).within(
             _around(getattr(self.centre, name), spread)
         )

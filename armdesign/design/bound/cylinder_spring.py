@@ -22,7 +22,7 @@ from armdesign.arrays import Array, Numbers
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.hydraulics.fluid import Fluid, bulk_modulus
 
-Stiffening: TypeAlias = tuple[Numbers, Numbers]  # of cap and annulus (…, n)
+Stiffening: TypeAlias = tuple[Numbers, Numbers]  # of cap and annulus (n, m)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,10 +30,10 @@ class CylinderSpring:
     """Upper bounds on oil and structure over cells.
 
     Attributes:
-        stiffening: bulk moduli of cap and annulus over the modulus of oil alone (…, n).
-        shift: what structure under the static load adds to the piston's place (m, n).
-        oil: share (m, n) of the oil's stiffness, (1 − t)².
-        structure: t² scale²/(c β) (m, n) [m], times the weight what r² at scale 1 counts.
+        stiffening: bulk moduli of cap and annulus over the modulus of oil alone (n, m).
+        shift: what structure under the static load adds to the piston's place (n, m).
+        oil: share (n, m) of the oil's stiffness, (1 − t)².
+        structure: t² scale²/(c β) (n, m) [m], times the weight what r² at scale 1 counts.
     """
 
     stiffening: Stiffening = (1.0, 1.0)
@@ -51,24 +51,24 @@ class Air:
     torque: Interval
 
     def stiffening(self, rate: Interval, least: Array, most: Array) -> tuple[Array, Array]:
-        """Largest bulk moduli of cap and annulus over the modulus of oil alone (m, 1, n).
+        """Largest bulk moduli of cap and annulus over the modulus of oil alone (n, m).
 
-        For |ρ| (m, n) and swept volumes between ``least`` and ``most`` (m, 2): p0, or p1 = (F + A2
+        For |ρ| (n, m) and swept volumes between ``least`` and ``most`` (2, m): p0, or p1 = (F + A2
         p0)/A1 where that is more, with F = torque/(|ρ| S); in the annulus likewise with −F.
         """
         ratios = []
         for torque, own, other in ((self.torque.high, 0, 1), (-self.torque.low, 1, 0)):
-            volume = least[:, own, None]
+            needed_by = torque[:, None]
             with np.errstate(divide="ignore", invalid="ignore"):
-                needed = self.back * most[:, other, None] + torque / np.where(
-                    torque > 0, rate.low, rate.high
+                needed = self.back * most[other] + needed_by / np.where(
+                    needed_by > 0, rate.low, rate.high
                 )
-                pressure = np.maximum(self.back, needed / volume)
+                pressure = np.maximum(self.back, needed / least[own])
             beta = (
                 bulk_modulus(pressure, self.fluid.bulk_modulus, self.fluid.air)
                 / self.fluid.bulk_modulus
             )
-            ratios.append(beta[:, None])
+            ratios.append(beta)
         return ratios[0], ratios[1]
 
 
@@ -81,12 +81,12 @@ class Structure:
     torque: Interval
 
     def shift(self, rate: Interval, stroke: Interval) -> Interval:
-        """Its share of the piston's place (m, n): c F/S with F = torque/(|ρ| S), S (m,) [m]."""
-        per_torque = rate.reciprocal() * stroke.square().reciprocal()[:, None]
-        return self.torque * per_torque * self.compliance
+        """Its share of the piston's place (n, m): c F/S with F = torque/(|ρ| S), S (m,) [m]."""
+        per_torque = rate.reciprocal() * stroke.square().reciprocal()
+        return self.torque[:, None] * per_torque * self.compliance[:, None]
 
     def yielding(self, oil: Array, stroke: Array) -> Array:
-        """The t = c k/(1 + c k) of oil k S²/β (…) [m³] and strokes (…) [m]."""
-        soft = stroke**2 / (self.compliance * self.modulus)
+        """The t = c k/(1 + c k) of oil k S²/β (…, n, m) [m³] and strokes (m,) [m]."""
+        soft = stroke**2 / (self.compliance * self.modulus)[:, None]
         with np.errstate(divide="ignore"):
             return np.asarray(1 / (1 + soft / oil))

@@ -26,12 +26,12 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, Numbers
 from armdesign.design.bound.cylinder_constraints import AllowedBoxes, CylinderConstraints
-from armdesign.design.bound.cylinder_shape import LEAST, Enclosure, Natural, Shape
+from armdesign.design.bound.cylinder_shape import Enclosure, Natural, Shape
 from armdesign.design.bound.cylinder_spring import Air, CylinderSpring, Stiffening, Structure
-from armdesign.design.bound.intervals import Interval, interval
+from armdesign.design.bound.intervals import Interval, interval, total
 
 TINY = 1e-12  # [m³] of oil
-TOGETHER = 250  # cells in one pass, whose arrays stay in the processor's cache
+TOGETHER = 400  # cells in one pass, whose arrays stay in the processor's cache
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,51 +84,51 @@ class CylinderTerm:
     def _upper(self, low: Array, high: Array) -> Cells:
         """Upper bounds over some cells."""
         designs, allowed = np.array_equal(low, high), self.limits.allowed(low, high)
-        scale, vertices = allowed.scale, allowed.volume
+        scale, vertices = allowed.scale, np.ascontiguousarray(allowed.volume.T)
         low, high = low[allowed.kept], high[allowed.kept]
         e = self.shape.enclose(low[:, :2], high[:, :2])
         costs = self._costs(e.stroke * scale)
         spring = self.spring(e, scale, vertices, costs)
         bound, spread, known = self.enclosed(e, vertices, costs, spring)
         bound = np.where(np.isnan(bound), np.inf, bound)
-        rows, best = np.arange(len(low)), bound.argmax(axis=1)
-        most = bound[rows, best]
+        rows, best = np.arange(len(low)), bound.argmax(axis=0)
+        most = bound[best, rows]
         if allowed.oil is not None:  # as built it costs no less, whatever volumes are best
-            unpaid = (bound + vertices @ self.price).max(axis=1)
+            unpaid = (bound + _paid(self.price, vertices)).max(axis=0)
             most = np.minimum(most, unpaid - allowed.oil @ self.price)
         ends = [[low[:, :2], scale.low], [high[:, :2], scale.high]]
         if low.shape[1] > 3:
             ends[0], ends[1] = [*ends[0], allowed.low], [*ends[1], allowed.high]
         added = np.zeros(low.shape)
         if not designs:  # which nobody halves
-            at = spread[rows, best], vertices[rows, best], known[rows, best]
-            added[:, :3] = self._added(e, scale, *at, spring)
+            at = spread[:, best, rows], vertices[:, best, rows], known[best, rows]
+            added[:, :3] = self._added(e, scale, *at, spring).T
             if low.shape[1] > 3:
-                added[:, 3:] = self._added_by_others(e, allowed, *at[1:], spring)
+                added[:, 3:] = self._added_by_others(e, allowed, *at[1:], spring).T
         return Cells(
             low=np.column_stack(ends[0]),
             high=np.column_stack(ends[1]),
             bound=most,
-            volume=vertices[rows, best],
+            volume=vertices[:, best, rows].T,
             added=added,
             useful=allowed.useful,
             source=allowed.kept,
         )
 
     def _costs(self, stroke: Interval) -> Array:
-        """Least cost of the swept volumes (m, 2): oil's, less what barrel and rod add."""
+        """Least cost of the swept volumes (2, m): oil's, less what barrel and rod add."""
         with np.errstate(divide="ignore"):  # a stroke of nothing
             barrel, rod = (
                 added / (stroke.low if added > 0 else stroke.high) for added in self.own
             )
-        return np.stack([self.price[0] - barrel - rod, self.price[1] + rod], axis=1)
+        return np.stack([self.price[0] - barrel - rod, self.price[1] + rod])
 
     def enclosed(
         self, e: Enclosure, volume: Array, costs: Array, spring: CylinderSpring
     ) -> tuple[Array, Array, Flags]:
-        """Upper bounds (m, v) at swept volumes (m, v, 2) of some price (m, 2).
+        """Upper bounds (v, m) at swept volumes (2, v, m) of some price (2, m).
 
-        Also what b adds to the mean value form, and whether it holds.
+        Also what b adds to the mean value form (2, v, m), and whether it holds (v, m).
         """
         if e.is_point:
             spread, known = np.zeros(volume.shape), self._filled(e, volume, spring)[1]
@@ -136,12 +136,12 @@ class CylinderTerm:
             slopes, known = self.slopes(e, volume, spring)
             spread = slopes * e.reach[:, None]
         mean_value = np.where(
-            known, self._value(e.centre, volume, costs, spring) + spread.sum(axis=2), np.inf
+            known, self._value(e.centre, volume, costs, spring) + total(spread, 0), np.inf
         )
         return np.minimum(self._natural(e, volume, costs, spring), mean_value), spread, known
 
     def spring(self, e: Enclosure, scale: Interval, volume: Array, costs: Array) -> CylinderSpring:
-        """Oil and structure over cells of some scales (m,) and volumes (m, v, 2) of costs (m, 2).
+        """Oil and structure over cells of some scales (m,) and volumes (2, v, m) of costs (2, m).
 
         The tangent is taken at the volumes that are best at the centre.
         """
@@ -150,28 +150,25 @@ class CylinderTerm:
             return CylinderSpring(stiffening=stiffening)
         middle = (scale.low + scale.high) / 2
         spring = CylinderSpring(
-            stiffening=stiffening, shift=self.structure.shift(self._size(e), e.stroke * scale)
+            stiffening=stiffening,
+            shift=self.structure.shift(e.rate_above_nothing, e.stroke * scale),
         )
         volume = np.concatenate([volume, volume.mean(axis=1, keepdims=True)], axis=1)
         place, stroke = e.centre.place.low, e.centre.stroke.low * middle
-        t = self.structure.yielding(self._oil(place, place, volume, spring), stroke[:, None, None])
-        soft = self.structure.compliance * self.structure.modulus
-        stiff = (
-            self.weight * (e.centre.rate.low * stroke[:, None]) ** 2 / soft
-        )  # k/(1 + c k) = t/c
-        value = np.einsum("mvn,mn->mv", t, stiff) - np.einsum("mvs,ms->mv", volume, costs)
-        t = t[np.arange(len(t)), np.nan_to_num(value, nan=-np.inf).argmax(axis=1)]
-        return replace(spring, oil=(1 - t) ** 2, structure=t**2 * scale.high[:, None] ** 2 / soft)
+        t = self.structure.yielding(self._oil(place, place, volume, spring), stroke)
+        soft = (self.structure.compliance * self.structure.modulus)[:, None]
+        # k/(1 + c k) = t/c
+        stiff = self.weight[:, None] * (e.centre.rate.low * stroke) ** 2 / soft
+        value = (t * stiff).sum(axis=1) - _paid(costs, volume)
+        best = np.nan_to_num(value, nan=-np.inf).argmax(axis=0)
+        t = t[best, np.arange(len(soft))[:, None], np.arange(len(best))]
+        return replace(spring, oil=(1 - t) ** 2, structure=t**2 * scale.high**2 / soft)
 
     def _stiffening(self, e: Enclosure, volume: Array) -> Stiffening:
-        """Largest bulk moduli of both chambers over oil's alone, over volumes (m, v, 2)."""
+        """Largest bulk moduli of both chambers over oil's alone, over volumes (2, v, m)."""
         if self.air is None:
             return 1.0, 1.0
-        return self.air.stiffening(self._size(e), volume.min(axis=1), volume.max(axis=1))
-
-    def _size(self, e: Enclosure) -> Interval:
-        """Size |ρ| of the rates (m, n)."""
-        return (e.rate * self.shape.sign).above(LEAST)
+        return self.air.stiffening(e.rate_above_nothing, volume.min(axis=1), volume.max(axis=1))
 
     def _added_by_others(
         self,
@@ -181,47 +178,45 @@ class CylinderTerm:
         known: Flags,
         spring: CylinderSpring,
     ) -> Array:
-        """Rough share of volumes or areas of a cell in its bound (m, 2), at its best volumes."""
+        """Rough share of volumes or areas of a cell in its bound (2, m), at its best volumes."""
         if self.limits.areas.pairs is None:
-            others = self._by_volume(e, allowed.scale, allowed.volume, volume, spring)
+            others = self._by_volume(e, allowed, volume, spring)
         else:
             others = self._by_area(e, allowed, volume, spring)
         # elsewhere nothing is known of the shape yet
-        return np.where(known[:, None], others, 0.0)
+        return np.where(known, others, 0.0)
 
     def _by_volume(
-        self, e: Enclosure, scale: Interval, volume: Array, best: Array, spring: CylinderSpring
+        self, e: Enclosure, allowed: AllowedBoxes, best: Array, spring: CylinderSpring
     ) -> Array:
-        """Rough share of each volume's ends (m, 2) through air's pressure and the tangent.
+        """Rough share of each volume's ends (2, m) through air's pressure and the tangent.
 
-        ``best`` (m, 2) are the volumes of the bound.
+        ``best`` (2, m) are the volumes of the bound.
         """
-        rate, added = self._size(e), np.zeros((len(volume), 2))
-        least, most = volume.min(axis=1), volume.max(axis=1)
+        rate, scale, added = e.rate_above_nothing, allowed.scale, np.zeros(best.shape)
+        least, most = allowed.volume.min(axis=1).T, allowed.volume.max(axis=1).T
         if self.air is not None:
-            square = (e.rate.high**2) @ self.weight
+            square = self.weight @ e.rate.high**2
             for side in (0, 1):
-                soft, stiff = (
-                    self.air.stiffening(rate, end, most)[side][:, 0] for end in (most, least)
-                )
-                added[:, side] = square * most[:, side] * (stiff - soft).max(axis=1)
+                soft, stiff = (self.air.stiffening(rate, end, most)[side] for end in (most, least))
+                added[side] = square * most[side] * (stiff - soft).max(axis=0)
         if self.structure is not None:
             place, stroke = e.centre.place.low, e.centre.stroke.low * (scale.low + scale.high) / 2
-            oil = self._oil(place, place, best[:, None], spring)[:, 0]
-            t = self.structure.yielding(oil, stroke[:, None])
+            oil = self._oil(place, place, best[:, None], spring)[0]
+            t = self.structure.yielding(oil, stroke)
             with np.errstate(invalid="ignore"):  # no oil left
                 # of the tangent, over β r²/S²
                 excess = oil * (t + np.sqrt(spring.oil) - 1) ** 2 / t
-            added += ((excess * e.centre.rate.low**2) @ self.weight)[:, None] * (1 - least / most)
+            added += (self.weight @ (excess * e.centre.rate.low**2)) * (1 - least / most)
         return added
 
     def _by_area(
         self, e: Enclosure, allowed: AllowedBoxes, best: Array, spring: CylinderSpring
     ) -> Array:
-        """Rough share of each area's ends (m, 2) in the stiffness at volumes (m, 2)."""
+        """Rough share of each area's ends (2, m) in the stiffness at volumes (2, m)."""
         with np.errstate(invalid="ignore"):  # no oil left, or an area from zero on
             value = self._value(e.centre, best[:, None], np.zeros_like(best), spring)
-            return np.abs(value) * (allowed.high / allowed.low - 1)
+            return np.abs(value) * (allowed.high / allowed.low - 1).T
 
     def _added(
         self,
@@ -232,46 +227,47 @@ class CylinderTerm:
         known: Flags,
         spring: CylinderSpring,
     ) -> Array:
-        """Rough share of each axis of a cell in its bound (m, 3).
+        """Rough share of each axis of a cell in its bound (3, m).
 
         Including how b and scale change the volumes that the limits allow.
         """
         plain = replace(spring, stiffening=(1.0, 1.0))
-        value = np.abs(self._value(e.centre, volume[:, None], np.zeros_like(volume), plain)[:, 0])
-        by_stroke = value[:, None] * e.wide.stroke_slope.size * e.reach / e.stroke.low[:, None]
+        value = np.abs(self._value(e.centre, volume[:, None], np.zeros_like(volume), plain)[0])
+        by_stroke = value * e.wide.stroke_slope.size * e.reach / e.stroke.low
         by_scale = 0.25 * value * (scale.high / scale.low - 1)
         if spring.structure is not None:
             of_structure = self._of_structure(e.centre.arm.low**2, spring)
             by_scale = by_scale + of_structure * (1 - (scale.low / scale.high) ** 2)
-        added = np.column_stack([spread + by_stroke, by_scale])
-        return np.where(known[:, None], added, np.column_stack([e.reach, np.zeros(len(value))]))
+        added = np.vstack([spread + by_stroke, by_scale])
+        return np.where(known, added, np.vstack([e.reach, np.zeros(len(value))]))
 
     def _natural(self, e: Enclosure, volume: Array, costs: Array, spring: CylinderSpring) -> Array:
-        """Upper bound (m, v) at swept volumes (m, v, 2), everything at its end."""
+        """Upper bound (v, m) at swept volumes (2, v, m), everything at its end."""
         empty, full = np.maximum(e.place.low, 0.0), np.minimum(e.place.high, 1.0)
         oil = self._oil(empty, full, volume, spring)
         value = self._sum(oil, e.rate.square().high, e.bend, volume, costs, spring)
-        return value + self._of_structure(e.arm.square().high, spring)[:, None]
+        return value + self._of_structure(e.arm.square().high, spring)
 
     def _value(
         self, centre: Natural, volume: Array, costs: Array, spring: CylinderSpring
     ) -> Array:
-        """The term (m, v) at the centres of cells."""
+        """The term (v, m) at the centres of cells."""
         oil = self._oil(centre.place.low, centre.place.low, volume, spring)
         value = self._sum(oil, centre.rate.low**2, centre.bend, volume, costs, spring)
-        return value + self._of_structure(centre.arm.low**2, spring)[:, None]
+        return value + self._of_structure(centre.arm.low**2, spring)
 
     def _oil(self, first: Array, last: Array, volume: Array, spring: CylinderSpring) -> Array:
-        """Oil k S²/β (m, v, n) [m³], the piston at ``first`` (cap) and at ``last`` (annulus)."""
+        """Oil k S²/β (v, n, m) [m³], the piston at ``first`` (cap) and at ``last`` (annulus)."""
         (cap, annulus), dead = spring.stiffening, self.dead_volumes(spring)
+        push, pull = volume[:, :, None]
         filled = (
-            (first + spring.shift.low)[:, None] * volume[..., :1] + dead[0],
-            (1 - last - spring.shift.high)[:, None] * volume[..., 1:] + dead[1],
+            (first + spring.shift.low) * push + dead[0],
+            (1 - last - spring.shift.high) * pull + dead[1],
         )
         with np.errstate(divide="ignore", invalid="ignore"):  # no oil left: no bound
             return np.asarray(
-                cap * volume[..., :1] ** 2 / np.maximum(filled[0], 0.0)
-                + annulus * volume[..., 1:] ** 2 / np.maximum(filled[1], 0.0)
+                cap * push**2 / np.maximum(filled[0], 0.0)
+                + annulus * pull**2 / np.maximum(filled[1], 0.0)
             )
 
     def _sum(
@@ -285,72 +281,68 @@ class CylinderTerm:
     ) -> Array:
         """Σ w k r² − G τ − μ·v, of k the oil's share."""
         with np.errstate(invalid="ignore"):
-            stiff = np.einsum("mvn,mn->mv", oil, self.weight * square * spring.oil)
-        return np.asarray(
-            stiff
-            - (bend * self.bend).low.sum(axis=1)[:, None]
-            - np.einsum("mvs,ms->mv", volume, costs)
-        )
+            stiff = (oil * (self.weight[:, None] * square * spring.oil)).sum(axis=1)
+        bent = (bend * self.bend[:, None]).low.sum(axis=0)
+        return np.asarray(stiff - bent - _paid(costs, volume))
 
     def _of_structure(self, arm_squared: Array, spring: CylinderSpring) -> Array:
         """Structure's share (m,) of Σ w k r²."""
         if spring.structure is None:
-            return np.zeros(len(arm_squared))
-        return np.asarray((self.weight * spring.structure * arm_squared).sum(axis=1))
+            return np.zeros(arm_squared.shape[1])
+        return np.asarray((self.weight[:, None] * spring.structure * arm_squared).sum(axis=0))
 
     def dead_volumes(self, spring: CylinderSpring) -> tuple[Numbers, Numbers]:
-        """Dead volumes (…, n) with hoses as oil that has air [m³]."""
-        n = len(self.weight)
-        whole = [
-            s if isinstance(s, Interval) else np.broadcast_to(s, (*np.shape(s)[:-1], n))
-            for s in spring.stiffening
-        ]
+        """Dead volumes (n, …) with hoses as oil that has air [m³]."""
+        each = np.ones((len(self.weight), 1))
+        whole = [s if isinstance(s, Interval) else s * each for s in spring.stiffening]
         return self.dead[0] + self.hoses[0] * whole[0], self.dead[1] + self.hoses[1] * whole[1]
 
     def _filled(
         self, e: Enclosure, volume: Numbers, spring: CylinderSpring
     ) -> tuple[list[tuple[Interval, Array]], Flags]:
-        """Oil (m, v, n) in cap and annulus, each with half of what is dead, and ``known``.
+        """Oil (v, n, m) in cap and annulus, each with half of what is dead, and ``known``.
 
         That is whether slopes hold over the cells: also for a piston beyond its ends.
         """
-        place, chambers, known = e.place[:, None], [], e.wide.whole[:, None]
-        places = place + spring.shift.low[:, None], 1 - place - spring.shift.high[:, None]
-        volumes = volume[..., :1], volume[..., 1:]
+        chambers, known = [], e.wide.whole
+        places = e.place + spring.shift.low, 1 - e.place - spring.shift.high
+        volumes = volume[0][:, None], volume[1][:, None]
         for v, share, dead in zip(volumes, places, self.dead_volumes(spring), strict=True):
             filled, half = share * v + dead, interval(dead).high / 2
-            known = known & np.all(filled.low[..., 2:] > half[..., 2:], axis=2)
+            known = known & np.all(filled.low[:, 2:] > half[2:], axis=1)
             chambers.append((filled, half))
         return chambers, known
 
     def slopes(self, e: Enclosure, volume: Numbers, spring: CylinderSpring) -> tuple[Array, Flags]:
-        """Largest absolute derivatives by b (m, v, 2) over the cells, at swept volumes (m, v, 2).
+        """Largest absolute derivatives by b (2, v, m) over the cells, at swept volumes (2, v, m).
 
-        And where they hold.
+        And where they hold (v, m).
         """
-        rate, volumes = e.rate[:, None], (volume[..., :1], volume[..., 1:])
+        volumes = volume[0][:, None], volume[1][:, None]
         chambers, known = self._filled(e, volume, spring)
         springs, changes = [], []
         for v, (filled, half), stiff in zip(volumes, chambers, spring.stiffening, strict=True):
             emptiness = filled.above(half + TINY).reciprocal()
             springs.append(emptiness * (stiff * (v * v)))
             changes.append((emptiness * v).square() * (stiff * v))
-        weight = (self.weight * spring.oil)[:, None]
-        by_rate = rate * (springs[0] + springs[1]) * (2 * weight)
-        by_place = rate.square() * (changes[1] - changes[0]) * weight
+        weight = self.weight[:, None] * spring.oil
+        by_rate = e.rate * (springs[0] + springs[1]) * (2 * weight)
+        by_place = e.rate.square() * (changes[1] - changes[0]) * weight
         bend = (e.wide.bend_slope * self.bend[:, None]).sum(axis=1)  # whatever G is
         by_b = []
         for k in (0, 1):
-            oil = (
-                by_rate * e.wide.rate_slope[:, None, :, k]
-                + by_place * e.wide.place_slope[:, None, :, k]
-            )
-            total = oil.sum(axis=2) - bend[:, None, k]
+            oil = by_rate * e.wide.rate_slope[k] + by_place * e.wide.place_slope[k]
+            change = oil.sum(axis=1) - bend[k]
             if spring.structure is not None:
-                by_arm = e.arm * e.wide.arm_slope[..., k] * (2 * self.weight * spring.structure)
-                total = total + by_arm.sum(axis=1)[:, None]
-            by_b.append(total.size)
-        return np.stack(by_b, axis=2), known
+                doubled = 2 * self.weight[:, None] * spring.structure
+                change = change + (e.arm * e.wide.arm_slope[k] * doubled).sum(axis=0)
+            by_b.append(change.size)
+        return np.stack(by_b), known
+
+
+def _paid(costs: Array, volume: Array) -> Array:
+    """What swept volumes (2, v, m) cost (v, m), at costs (2,) or (2, m)."""
+    return np.asarray(costs[0] * volume[0] + costs[1] * volume[1])
 
 
 def together(*parts: Cells) -> Cells:

@@ -81,9 +81,10 @@ class DrawnLengths:
         return CONSTRAINT_TOLERANCE * self.today[1]
 
     def stays(self, b: Interval) -> Flags:
-        """Whether pins may stay where they are in boxes (m, 2) of b."""
-        near = (b.low <= self.place + NOTHING) & (b.high >= self.place - NOTHING)
-        return np.asarray(near.all(axis=1))
+        """Whether pins may stay where they are in boxes (2, m) of b."""
+        place = self.place[:, None]
+        near = (b.low <= place + NOTHING) & (b.high >= place - NOTHING)
+        return np.asarray(near.all(axis=0))
 
     def closed(self, at_most: Array, stays: Flags) -> Array:
         """Largest closed lengths on the grid, or today's if pins may stay, up to some [m]."""
@@ -128,8 +129,8 @@ class DrawnLengths:
 
         By a parabola, as the requirements take them, and more than other even angles lose.
         """
-        arms = np.abs(self.shape.enclose(b, b).wide.arm.low[:, 2:])
-        return largest(arms) * (1 + CONSTRAINT_TOLERANCE)
+        arms = self.shape.enclose(b, b).wide.arm.low[2:]
+        return largest(arms.T) * (1 + CONSTRAINT_TOLERANCE)
 
     def shrunk(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Boxes (m, …) of b and more shrunk to the places that a pin may have in them.

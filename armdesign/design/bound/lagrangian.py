@@ -63,7 +63,7 @@ ROWS, COLUMNS = 24, 48  # of every programme, so that it is set up once
 ENTERING = 8  # rows that join at a time
 ROUNDS = 15  # of programmes before branching
 AGREED = 2e-3  # of ω² where they end
-NEGLIGIBLE = 1e-5  # of the weight of all rows
+NEGLIGIBLE = 1e-5  # of the weight of all rows, or of a mixture
 RIGID = 1e-22  # [m/N] softens no oil by more than floating point loses
 CELLS, DRAWN_CELLS = 20_000, 6_000  # branched per cylinder; steps of a drawing hold cells up
 COVER = 800  # cells with which the next branching of a cylinder begins, at most
@@ -221,7 +221,9 @@ class LagrangianDual:
         count, nd, (budget, today) = len(self.columns), len(self.drives), self.budget
         shapes = (COLUMNS, *base.shape), (nd, COLUMNS), (2, COLUMNS)
         slopes, whole, oil = (np.zeros(shape) for shape in shapes)
-        slopes[:count] = self._matrices(inverse, self.rows)
+        across = inverse[:, :, self._place[self.columns.drive]]
+        entries = self.diagonals(self.columns, self.rows)
+        slopes[:count] = np.einsum("cn,nic,njc->cnij", entries, across, across)
         whole[self.columns.drive, np.arange(count)] = 1.0
         oil[:, :count] = -(self.columns.oil / today).T
         value = np.concatenate([[budget, budget], np.ones(nd), -np.ones(nd)])
@@ -252,41 +254,37 @@ class LagrangianDual:
         """L⁻¹ over free coordinates (n, k, k) and L⁻¹ ∂g/∂q L⁻ᵀ over the reference."""
         pick = self._pick(rows)
         inverse = inverse_cholesky(self.loads.mass[pick])
-        return (inverse, congruent(inverse, self.loads.slope[pick]) / self.reference)
+        return inverse, congruent(inverse, self.loads.slope[pick]) / self.reference
 
-    def _matrices(self, inverse: Array, rows: Array) -> Array:
-        """Share of each column in L⁻¹ K L⁻ᵀ at rows (c, n, k, k)."""
-        across = inverse[:, :, self._place[self.columns.drive]]
-        return np.einsum("cn,nic,njc->cnij", self.diagonals(self.columns, rows), across, across)
+    @cached_property
+    def _watched_bases(self) -> tuple[Array, Array]:
+        return self.scaled_bases(self.watched)
 
     def diagonals(self, columns: Columns, rows: Array) -> Array:
         """Entry k r² − g H/r of K (c, n) that each column makes at rows, over the reference."""
         entries = np.empty((len(columns), len(rows)))
         for k, d in enumerate(self.drives):
             own = np.flatnonzero(columns.drive == k)
+            if len(own) == 0:
+                continue
             angles, back = np.unique(d.angle[rows], return_inverse=True)
-            b, (cap, annulus) = columns.place[own, :2], columns.volume[own].T[:, :, None]
+            b, (cap, annulus) = columns.place[own, :2], (both := columns.volume[own].T)
             e = d.shape.at(angles).enclose(b, b).centre
-            place, rate, bend = (part.low[:, 2:][:, back] for part in (e.place, e.rate, e.bend))
+            place, rate, bend = (part.low[2 + back] for part in (e.place, e.rate, e.bend))
             beta = self.problem.machine.fluid.bulk_modulus
             gravity = self.loads.gravity[rows, d.joint] / d.partners
             stiff: Stiffening = (1.0, 1.0)
             if air := d.air(self.problem.machine, interval(gravity)):
-                both = columns.volume[own]
-                cap_side, annulus_side = air.stiffening(interval(np.abs(rate)), both, both)
-                stiff = cap_side[:, 0], annulus_side[:, 0]
+                stiff = air.stiffening(interval(rate), both, both)
             dead = d.dead[0] + d.hoses[0] * stiff[0], d.dead[1] + d.hoses[1] * stiff[1]
-            structure, stroke = (
-                self._structure(d, interval(gravity), rows),
-                e.stroke * columns.place[own, 2],
-            )
-            if structure:
-                place = place + structure.shift(interval(np.abs(rate)), stroke).low
+            stroke = e.stroke * columns.place[own, 2]
+            if structure := self._structure(d, interval(gravity), rows):
+                place = place + structure.shift(interval(rate), stroke).low
             filled = cap * place + dead[0], annulus * (1 - place) + dead[1]
             oil = stiff[0] * cap**2 / filled[0] + stiff[1] * annulus**2 / filled[1]
             if structure:
-                oil = oil * (1 - structure.yielding(oil, stroke.low[:, None]))
-            entries[own] = beta * rate**2 * oil - gravity * bend
+                oil = oil * (1 - structure.yielding(oil, stroke.low))
+            entries[own] = (beta * rate**2 * oil - gravity[:, None] * bend).T
         return entries / self.reference
 
     def _structure(self, drive: JointDrive, gravity: Interval, rows: Array) -> Structure | None:
@@ -315,22 +313,25 @@ class LagrangianDual:
 
     def values(self, columns: Columns, multipliers: Multipliers) -> Array:
         """Each column's part (c,) of the upper bound."""
-        entries = self.diagonals(columns, multipliers.rows) * self.reference
-        own = np.diagonal(multipliers.weight, axis1=1, axis2=2)[:, self._place[columns.drive]]
-        return np.asarray(np.einsum("cn,nc->c", entries, own) - columns.oil @ multipliers.oil)
+        used = np.flatnonzero(multipliers.trace > 0)
+        weight, entries = multipliers.weight[used], self.diagonals(columns, multipliers.rows[used])
+        own = np.diagonal(weight, axis1=1, axis2=2)[:, self._place[columns.drive]]
+        stiff = self.reference * np.einsum("cn,nc->c", entries, own)
+        return np.asarray(stiff - columns.oil @ multipliers.oil)
 
     def _take_rows(self, multipliers: Multipliers) -> float:
         """Replace rows of least weight by the mixture's lowest; returns its lowest ω²."""
-        inverse, base = self.scaled_bases(self.watched)
-        mixed = base + np.einsum(
-            "c,cnij->nij", multipliers.mixture, self._matrices(inverse, self.watched)
-        )
+        inverse, base = self._watched_bases
+        columns = self.columns[counts := multipliers.mixture > NEGLIGIBLE]
+        shared = multipliers.mixture[counts, None] * self.diagonals(columns, self.watched)
+        of_drives = [shared[columns.drive == k].sum(axis=0) for k in range(len(self.drives))]
+        across = inverse[:, :, self._place]
+        mixed = base + (across * np.stack(of_drives, axis=1)[:, None]) @ across.swapaxes(1, 2)
         lowest = np.linalg.eigvalsh(mixed)[:, 0]
         worst = np.argsort(lowest)[:ENTERING]
         new = np.setdiff1d(self.watched[worst[lowest[worst] < multipliers.mixed]], self.rows)
-        self.rows = np.concatenate([new, self.rows[np.argsort(-multipliers.trace)]])[
-            : len(self.rows)
-        ]
+        heaviest = self.rows[np.argsort(-multipliers.trace)]
+        self.rows = np.concatenate([new, heaviest])[: len(self.rows)]
         return float(lowest.min())
 
     def _take(self, multipliers: Multipliers, new: Columns) -> None:
@@ -360,21 +361,20 @@ class LagrangianDual:
         own = np.flatnonzero(multipliers.weight[:, k, k] > 0)
         rows, given = multipliers.rows[own], multipliers.weight[own, k, k]
         torque = d.torque(self._gravity(rows)[:, d.joint])
-        padded = Interval(np.pad(torque.low, (2, 0)), np.pad(torque.high, (2, 0)))
+        padded = torque.each(lambda end: np.pad(end, (2, 0)))
         air, structure = d.air(self.problem.machine, padded), self._structure(d, padded, rows)
         angles, back = np.unique(d.angle[rows], return_inverse=True)
-        if air or structure:
-            # of one angle, other loads
+        if air or structure:  # of one angle, other loads
             angles, back = d.angle[rows], np.arange(len(own))
-        weight, least, most = np.zeros((3, len(angles) + 2))
-        np.add.at(weight, back + 2, beta * given)
-        np.add.at(least, back + 2, given * torque.low)
-        np.add.at(most, back + 2, given * torque.high)
+
+        def summed(values: Array) -> Array:
+            return np.bincount(back + 2, values, len(angles) + 2)
+
         return CylinderTerm(
             shape=d.shape.at(angles),
             limits=d.limits,
-            weight=weight,
-            bend=Interval(least, most),
+            weight=summed(beta * given),
+            bend=torque.each(lambda end: summed(given * end)),
             price=multipliers.oil,
             dead=d.dead,
             hoses=d.hoses,

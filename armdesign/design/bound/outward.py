@@ -31,7 +31,7 @@ from armdesign.arrays import Array
 from armdesign.design.bound.branching import Maximum, halves
 from armdesign.design.bound.cylinder_shape import Enclosure, Natural
 from armdesign.design.bound.cylinder_spring import CylinderSpring
-from armdesign.design.bound.cylinder_term import Cells, CylinderTerm
+from armdesign.design.bound.cylinder_term import TOGETHER, Cells, CylinderTerm
 from armdesign.design.bound.intervals import Interval, Outward, interval
 from armdesign.design.bound.lagrangian import LagrangianDual, Multipliers
 from armdesign.design.search.semidefinite import exactly, positive_product, rounded_up
@@ -39,7 +39,6 @@ from armdesign.design.search.semidefinite import exactly, positive_product, roun
 LOST = 1e-12  # relative: more than floats lose where a formula is not taken outward
 ABOVE = 1e-10  # of ω², by which a cell may lie above what is stated of it
 HALVINGS = 4  # of cells that lie above that
-TOGETHER = 250  # cells in one pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,25 +118,26 @@ def _upper(term: CylinderTerm, cells: Cells) -> tuple[Array, Array]:
     low, high = cells.low[kept, :2], cells.high[kept, :2]
     nearest = term.shape.enclose(low, high)
     e = _enclosed(term, low, high)
+    vertices = np.ascontiguousarray(vertices.T)
     # scales and volumes are solved for in floats
     scale = _wider(allowed.scale)
     volume = _wider(interval(vertices))
-    plain = term.spring(nearest, scale, vertices, np.tile(term.price, (len(kept), 1)))
+    plain = term.spring(nearest, scale, vertices, term.price[:, None])
     spring = _spring(term, e, scale, plain)
     slopes, whole = term.slopes(e, volume, spring)
-    spread = Outward.like(slopes).spread(e.reach[:, None], 2)
+    spread = Outward.like(slopes).spread(e.reach[:, None], 0)
     place = e.place.within(Interval(np.array(0.0), np.array(1.0)))
     natural = _value(term, place, e.rate, e.bend, e.arm, volume, spring)
     at = e.centre
     middle = _value(term, at.place, at.rate, at.bend, at.arm, volume, spring)
     around = np.where(whole, np.nextafter(middle.high + spread, np.inf), np.inf)
     total, stroke = Outward.like(np.fmin(natural.high, around)), e.stroke * scale
-    upper = (total - _cost(term, stroke, volume)).high.max(axis=1)
+    upper = (total - _cost(term, stroke, volume)).high.max(axis=0)
     if allowed.oil is not None:
         oil = Outward.like(allowed.oil * (1 - LOST))
         paid = oil[:, 0] * term.price[0] + oil[:, 1] * term.price[1]
         others = _cost(replace(term, price=np.zeros(2)), stroke, volume)
-        upper = np.fmin(upper, ((total - others) - paid[:, None]).high.max(axis=1))
+        upper = np.fmin(upper, ((total - others) - paid).high.max(axis=0))
     return kept, np.where(np.isnan(upper), np.inf, upper)
 
 
@@ -148,6 +148,7 @@ def _wider(numbers: Interval) -> Interval:
 
 def _enclosed(term: CylinderTerm, low: Array, high: Array) -> Enclosure:
     """The shape over boxes of b (m, 2)."""
+    low, high = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
     middle = (low + high) / 2
     reach = np.maximum((Outward.like(high) - middle).high, (middle - Outward.like(low)).high)
     boxes = Natural(term.shape, Outward(low, high))
@@ -158,19 +159,18 @@ def _spring(
     term: CylinderTerm, e: Enclosure, scale: Interval, plain: CylinderSpring
 ) -> CylinderSpring:
     """A spring in intervals: its tangents are as good as any."""
-    stiffening = [Outward.like(np.ones(len(term.weight))) * s for s in plain.stiffening]
+    stiffening = [Outward.like(np.ones((len(term.weight), 1))) * s for s in plain.stiffening]
     if term.air is not None:
         stiffening = [s * Interval(np.array(1.0), np.array(1 + LOST)) for s in stiffening]
     if term.structure is None or plain.structure is None:
         return replace(plain, stiffening=tuple(stiffening), oil=Outward.like(plain.oil))
     t = Outward.like(1 - np.sqrt(plain.oil))
-    soft = Outward.like(term.structure.compliance) * term.structure.modulus
-    size = (e.rate * term.shape.sign).above(1e-9)
+    soft = Outward.like(term.structure.compliance[:, None]) * term.structure.modulus
     return CylinderSpring(
         stiffening=tuple(stiffening),
-        shift=term.structure.shift(size, e.stroke * scale),
+        shift=term.structure.shift(e.rate_above_nothing, e.stroke * scale),
         oil=(1 - t).square(),
-        structure=t.square() * scale.square()[:, None] * soft.reciprocal(),
+        structure=t.square() * scale.square() * soft.reciprocal(),
     )
 
 
@@ -183,23 +183,23 @@ def _value(
     volume: Interval,
     spring: CylinderSpring,
 ) -> Interval:
-    """Σ w k r² − G τ (m, v) at volumes (m, v, 2)."""
+    """Σ w k r² − G τ (v, m) at volumes (2, v, m)."""
     (cap, annulus), (dead_cap, dead_annulus) = spring.stiffening, term.dead_volumes(spring)
-    weight = Outward.like(term.weight * (1 + LOST))
-    volumes = volume[..., :1], volume[..., 1:]
+    weight = Outward.like(term.weight[:, None] * (1 + LOST))
+    volumes = volume[0][:, None], volume[1][:, None]
     filled = (
-        (place + spring.shift)[:, None] * volumes[0] + dead_cap,
-        (1 - place - spring.shift)[:, None] * volumes[1] + dead_annulus,
+        (place + spring.shift) * volumes[0] + dead_cap,
+        (1 - place - spring.shift) * volumes[1] + dead_annulus,
     )
     with np.errstate(divide="ignore", invalid="ignore"):  # no oil left: no bound
         oil = cap * volumes[0].square() * filled[0].above(0.0).reciprocal()
         oil = oil + annulus * volumes[1].square() * filled[1].above(0.0).reciprocal()
-        stiff = oil * (rate.square() * (weight * spring.oil))[:, None]
-        total = stiff[..., 2:].sum(axis=2)
-    rest = -(bend * _torque(term)).sum(axis=1)
+        stiff = oil * (rate.square() * (weight * spring.oil))
+        total = stiff[:, 2:].sum(axis=1)
+    rest = -(bend * _torque(term)[:, None]).sum(axis=0)
     if spring.structure is not None:
-        rest = rest + (arm.square() * (weight * spring.structure))[:, 2:].sum(axis=1)
-    return total + rest[:, None]
+        rest = rest + (arm.square() * (weight * spring.structure))[2:].sum(axis=0)
+    return total + rest
 
 
 def _torque(term: CylinderTerm) -> Interval:
@@ -209,12 +209,12 @@ def _torque(term: CylinderTerm) -> Interval:
 
 
 def _cost(term: CylinderTerm, stroke: Interval, volume: Interval) -> Interval:
-    """μ·v, less what barrel and rod add, (m, v)."""
-    cap, annulus = volume[..., 0], volume[..., 1]
+    """μ·v, less what barrel and rod add, (v, m)."""
+    cap, annulus = volume[0], volume[1]
     cost = cap * term.price[0] + annulus * term.price[1]
     if not any(term.own):
         return cost
-    per_stroke = stroke.reciprocal()[:, None]
+    per_stroke = stroke.reciprocal()
     rod = (cap - annulus).above(0.0)
     own = [interval(np.array(added * (1 + np.sign(added) * LOST))) for added in term.own]
     return cost - (cap * own[0] + rod * own[1]) * per_stroke

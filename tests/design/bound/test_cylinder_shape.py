@@ -43,13 +43,13 @@ def test_shapes_hold_lengths_arms_and_bends(
     e, scale = shape.enclose(low[:, :2], high[:, :2]), at[2]
     closed, stroke = (float(lengths[i]) for lengths in problem.vector.strokes(x))
     for part, value in (
-        (e.wide.arm[:, 2:], arm / scale),
+        (e.wide.arm[2:, 0], np.abs(arm) / scale),
         (e.wide.closed, np.array([closed / scale])),
         (e.wide.open, np.array([(closed + stroke) / scale])),
         (e.stroke, np.array([stroke / scale])),
-        (e.place[:, 2:], (length - closed) / stroke),
-        (e.rate[:, 2:], arm / stroke),
-        (e.bend[:, 2:], exact.moment_arm_derivative[:, joint, joint] / arm),
+        (e.place[2:, 0], (length - closed) / stroke),
+        (e.rate[2:, 0], np.abs(arm) / stroke),
+        (e.bend[2:, 0], exact.moment_arm_derivative[:, joint, joint] / arm),
     ):
         slack = ROUNDING * np.maximum(1.0, np.abs(value))
         assert np.all(part.low <= value + slack)

@@ -94,24 +94,24 @@ def test_terms_hold_stiffness(
     at = coordinates(problem, i, shape, x)
     low, high = box_around(at, shape, np.array(width) * 0.1, np.array(place))
     volume, scale = area * stroke, np.abs(values).max()
-    assert np.all(bounds(share, low, high, volume[None])[0] >= values - ROUNDING * scale)
+    assert np.all(bounds(share, low, high, volume) >= values - ROUNDING * scale)
     together = 1 if soft else 5
     for volumes, exact_ones in zip(
         volume.reshape(-1, together, 2), values.reshape(-1, together), strict=True
     ):
-        none = bounds(share, at[None], at[None], volumes[None])
-        np.testing.assert_allclose(none[0], exact_ones, atol=1e-8 * scale)
+        none = bounds(share, at[None], at[None], volumes)
+        np.testing.assert_allclose(none, exact_ones, atol=1e-8 * scale)
 
 
 def bounds(
     share: CylinderTerm, low: np.ndarray, high: np.ndarray, volume: np.ndarray
 ) -> np.ndarray:
-    """Upper bounds of a term over boxes at swept volumes, infinite where not known."""
+    """Upper bounds (v,) of a term over a box at swept volumes (v, 2), infinite where not known."""
     e = share.shape.enclose(low[:, :2], high[:, :2])
     scale = Interval(np.maximum(low[:, 2], 1e-3), high[:, 2])
-    costs = share.price[None]
-    bound = share.enclosed(e, volume, costs, share.spring(e, scale, volume, costs))[0]
-    return np.nan_to_num(bound, nan=np.inf)
+    costs, volumes = share.price[:, None], volume.T[..., None]
+    bound = share.enclosed(e, volumes, costs, share.spring(e, scale, volumes, costs))[0]
+    return np.nan_to_num(bound[:, 0], nan=np.inf)
 
 
 @pytest.mark.parametrize("yields", [False, True])
@@ -137,22 +137,21 @@ def test_slopes_of_a_term_are_its_derivatives(name: str, yields: bool) -> None:
         problem.vector.areas_today[i]
         * problem.machine.cylinders[i].stroke
         * random.uniform(0.5, 1.5, (5, 2))
-    )[None]
+    ).T[..., None]
     spring = CylinderSpring()
     if yields:  # at any tangents, and with the piston further out
-        shift, t = interval(np.full((1, n), 0.01)), random.uniform(size=(1, n))
+        shift, t = interval(np.full((n, 1), 0.01)), random.uniform(size=(n, 1))
         spring = CylinderSpring(shift=shift, oil=(1 - t) ** 2, structure=t**2)
     # off the telescope's axis
     at = coordinates(problem, i, shape, problem.vector.start)[:2] + 0.05 * (shape.high - shape.low)
 
     def value(b: np.ndarray) -> np.ndarray:
-        return share.enclosed(shape.enclose(b[None], b[None]), volume, share.price[None], spring)[
-            0
-        ][0]
+        e, costs = shape.enclose(b[None], b[None]), share.price[:, None]
+        return share.enclosed(e, volume, costs, spring)[0][:, 0]
 
     steps = 1e-5 * (shape.high - shape.low)
     slopes = [(value(at + step) - value(at - step)) / (2 * step.sum()) for step in np.diag(steps)]
-    slope_at_point = share.slopes(shape.enclose(at[None], at[None]), volume, spring)[0][0]
+    slope_at_point = share.slopes(shape.enclose(at[None], at[None]), volume, spring)[0][..., 0]
     np.testing.assert_allclose(
-        slope_at_point, np.abs(slopes).T, atol=1e-6 * np.abs(slope_at_point).max()
+        slope_at_point, np.abs(slopes), atol=1e-6 * np.abs(slope_at_point).max()
     )

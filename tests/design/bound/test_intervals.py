@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armdesign.design.bound.intervals import Interval
+from armdesign.design.bound.intervals import Interval, interval
 from tests.design.bound.shapes import shares
 
 numbers = st.floats(-5, 5)
@@ -30,6 +30,8 @@ def test_arithmetic_holds_samples(
     for operation in (operator.add, operator.sub, operator.mul):
         assert holds(operation(x, y), operation(p, q))
         assert holds(operation(x, q), operation(p, q))
+        assert holds(operation(x, interval(q)), operation(p, q))
+        assert holds(operation(interval(p), y), operation(p, q))
     assert holds(2.0 - x, 2.0 - p)
     assert holds(x.square(), p**2)
     assert holds(x.above(0.5), np.maximum(p, 0.5))

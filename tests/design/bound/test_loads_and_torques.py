@@ -117,7 +117,7 @@ def test_of_several_poses_of_a_place_the_easiest_counts() -> None:
         held=np.array([[6.0, 8.0, 2.0], [0.0, 1.0, 3.0]]),
         place=np.array([0, 0, 1]),
     )
-    size = np.array([[1.0, 2.0, 1.0], [3.0, 1.0, 0.5]])
+    size = np.array([[1.0, 2.0, 1.0], [3.0, 1.0, 0.5]]).T
     # by hand: min(6/1, 8/2) and 2/1; min(6/3, 8/1) and 2/0.5; pulling 0 and 3/1, 0 and 3/0.5
     np.testing.assert_array_equal(loads.most(size), [[4.0, 4.0], [3.0, 6.0]])
 
@@ -132,13 +132,14 @@ def test_loads_that_are_left_out_ask_for_less() -> None:
     for _ in range(50):
         held = random.uniform(1, 4, (2, n)) * (random.uniform(size=(2, n)) < 0.7)
         loads = Loads(angle=np.arange(n), held=held, place=place)
-        low = random.uniform(1, 4, (3, n))
-        ends = Interval(low, low * random.uniform(1, 1.3, (3, n)))
+        low = random.uniform(1, 4, (n, 3))
+        ends = Interval(low, low * random.uniform(1, 1.3, (n, 3)))
         greatest = loads.greatest(ends)
         rates = random.uniform(ends.low, ends.high)
-        for box, few in [*enumerate(greatest), (slice(None), greatest.any(axis=0))]:
-            kept, own = np.flatnonzero(few), np.atleast_2d(rates[box])
-            np.testing.assert_array_equal(loads[kept].most(own[:, kept]), loads.most(own))
+        each = [(np.array([k]), few) for k, few in enumerate(greatest.T)]
+        for boxes, few in [*each, (np.arange(3), greatest.any(axis=1))]:
+            kept, own = np.flatnonzero(few), rates[:, boxes]
+            np.testing.assert_array_equal(loads[kept].most(own[kept]), loads.most(own))
             np.testing.assert_array_equal(loads[kept].angle, loads.angle[kept])
             left_out += n - len(kept)
     assert left_out > 200
