@@ -66,6 +66,9 @@ def changed_machine(
     for path, value in changes.items():
         table, _, leaf = path.rpartition(".")
         if leaf.isdigit() and isinstance(known.get(table), list):
+            if table in changes:
+                fault = f"is one of the numbers of {table}, which is given, too"
+                raise ArmDesignError(f"{part} {path}", fault, "leave one out")
             number = chosen_numbers(machine.section, path, f"{part} {path}")[0]
             row = list(whole.get(table, known[table]))
             row[int(number.location[-1])] = value

@@ -283,8 +283,9 @@ class Machine:
 
     @property
     def identity(self) -> list[str]:
-        """Everything in which two machines can differ: texts, load cases and the one at work."""
-        return [self.text, self.urdf_text, repr(self.payloads), repr(self.payload)]
+        """Everything in which two machines can differ: texts, and parts changed since."""
+        parts = self.payloads, self.payload, self.actuators, self.linkages, self.springs
+        return [self.text, self.urdf_text, repr((*parts, self.fluid, self.supply, self.tool))]
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -421,8 +422,7 @@ class Machine:
         """Point masses [kg] in place of barrels, rods, rockers and couplers, all slender bars."""
         points: list[tuple[float, VectorJet]] = []
         for cylinder, linkage in zip(self.cylinders, self.linkages, strict=True):
-            masses = cylinder.moving_masses
-            length = cylinder.closed_length
+            masses, length = cylinder.moving_masses, cylinder.closed_length
             bars = linkage.bars(rigid, length, names=masses) if masses else {}
             for name, mass in masses.items():
                 points += points_of_bar(mass, bars[name])
