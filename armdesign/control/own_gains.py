@@ -54,8 +54,7 @@ class OwnGains:
         units, limit = task.controller(*map(np.ones, task.shapes)), 1 / (SPARE * task.aim.margin)
         self._units = np.concatenate([units.position, units.pressure], axis=1)
         near = max(1 - 0.25 / limit**2, 1e-9) ** self._units.shape[1] / FAR
-        worst = np.zeros(len(self._units), dtype=int)
-        self._sight = Sight.of(task.loops, units, limit, near, worst)
+        self._sight = Sight.of(task.loops, units, limit, near)
         self.x, self.scores = np.zeros(self._units.shape), np.full(len(self._units), -np.inf)
 
     def improve(self, within: Array, starts: Array, leaders: int = 1) -> None:
