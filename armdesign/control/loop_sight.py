@@ -130,10 +130,10 @@ class Sight(NamedTuple):
         arguments = loops.arguments(controller)
         return cls(arguments, loops.omega, limit, near, loops.order, _Room.of(loops))
 
-    def seen(self, poses: Array, gains: Array) -> Seen:
-        """What is seen of poses (m,) with gains K and c (m, nq + nc)."""
+    def seen(self, poses: Array, gains: Array, *, sloped: bool = True) -> Seen:
+        """What is seen of poses (m,) with gains K and c (m, nq + nc); slopes if wanted, else 0."""
         seen = Seen.empty(len(poses), self.loops.gains.shape[1], gains.shape[1])
-        _write_seen(self, poses, gains, seen)
+        _write_seen(self, poses, gains, sloped, seen)
         return seen
 
 
@@ -148,11 +148,11 @@ def margins_hold(loops: Loops, controller: Controller, margin: float, rows: Arra
     """
     gains = np.concatenate([controller.position, controller.pressure], axis=1)
     sight = Sight.of(loops, controller, 1 / margin, LOST)
-    return sight.seen(rows, gains[rows]).holds
+    return sight.seen(rows, gains[rows], sloped=False).holds
 
 
 @borrowing
-def _write_seen(sight: Sight, poses: Array, gains: Array, seen: Seen) -> None:
+def _write_seen(sight: Sight, poses: Array, gains: Array, sloped: bool, seen: Seen) -> None:
     """Write what is seen of gains (m, nq + nc); nothing more once the margin is missed."""
     loops, room, count = sight.loops, sight.room, sight.omega.shape[1]
     nq = len(room.crossed)
@@ -164,20 +164,21 @@ def _write_seen(sight: Sight, poses: Array, gains: Array, seen: Seen) -> None:
             else:
                 loops.pressure_gains[pose, i - nq] = gains[row, i]
         for start in range(0, count, LANES):
-            _look_at_block(sight, pose, start, seen, row)
+            if _look_at_block(sight, pose, start, seen, row) and sloped:
+                _add_slopes(sight, pose, min(LANES, count - start), seen, row)
             if seen.rooms[row] == -math.inf:
                 break
         if seen.rooms[row] > -math.inf:
             _sort(sight.order[pose], room.ranks)
-            _look_at_crossings(loops, pose, count, room)
+            _look_at_crossings(loops, pose, count, sloped, room)
             _write_logs(sight.omega[pose], room, seen, row)
 
 
 @within
-def _look_at_block(sight: Sight, pose: int, start: int, seen: Seen, row: int) -> None:
-    """Add the rooms, and their slopes, of as many frequencies as there are lanes."""
+def _look_at_block(sight: Sight, pose: int, start: int, seen: Seen, row: int) -> bool:
+    """Add the rooms of as many frequencies as there are lanes: whether their slopes count."""
     room, count = sight.room, sight.omega.shape[1]
-    loop, slopes, lanes = room.loop, room.slopes, min(LANES, count - start)
+    loop, lanes = room.loop, min(LANES, count - start)
     for lane in range(LANES):
         loop.which[lane] = sight.order[pose, min(start + lane, count - 1)]
     close_loops(sight.loops, pose, loop)
@@ -188,16 +189,10 @@ def _look_at_block(sight: Sight, pose: int, start: int, seen: Seen, row: int) ->
     halve(loop.S_c, 0.5)
     halve(loop.S, 0.5)
     if not _any_near(room, lanes, sight.limit, sight.near):
-        return
+        return False
     write_room(loop.S_c, sight.limit, loop.command)
     write_room(loop.S, sight.limit, loop.position)
-    if _add_rooms(sight, pose, start, lanes, seen, row):
-        write_room_slope(loop.command, slopes, slopes.command)
-        write_room_slope(loop.position, slopes, slopes.position)
-        halve(loop.S_c, -0.5)
-        halve(loop.S, -0.5)
-        write_gain_slopes(sight.loops, pose, loop, slopes)
-        _add_slopes(room, lanes, sight.near, seen, row)
+    return _add_rooms(sight, pose, start, lanes, seen, row)
 
 
 @within
@@ -243,11 +238,16 @@ def _sort(order: Array, ranks: Array) -> None:
 
 
 @within
-def _add_slopes(room: _Room, lanes: int, near: float, seen: Seen, row: int) -> None:
+def _add_slopes(sight: Sight, pose: int, lanes: int, seen: Seen, row: int) -> None:
     """Add slopes of the rooms that are less than ``near``, and how they bend down."""
-    by_gains, left = room.slopes.by_gains, room.loop.command.left
+    loop, slopes, by_gains = sight.room.loop, sight.room.slopes, sight.room.slopes.by_gains
+    write_room_slope(loop.command, slopes, slopes.command)
+    write_room_slope(loop.position, slopes, slopes.position)
+    halve(loop.S_c, -0.5)
+    halve(loop.S, -0.5)
+    write_gain_slopes(sight.loops, pose, loop, slopes)
     for lane in range(lanes):
-        if left[lane] * room.loop.position.left[lane] < near:
+        if loop.command.left[lane] * loop.position.left[lane] < sight.near:
             for i in range(len(by_gains)):
                 slope = by_gains[i, lane]
                 seen.slopes[row, i] += slope
@@ -256,7 +256,9 @@ def _add_slopes(room: _Room, lanes: int, near: float, seen: Seen, row: int) -> N
 
 
 @within
-def _look_at_crossings(loops: LoopArguments, pose: int, count: int, room: _Room) -> None:
+def _look_at_crossings(
+    loops: LoopArguments, pose: int, count: int, sloped: bool, room: _Room
+) -> None:
     """Write |T| of loops at the two frequencies about −3 dB of each, and slopes of its logarithm.
 
     Whatever where there are none.
@@ -268,11 +270,13 @@ def _look_at_crossings(loops: LoopArguments, pose: int, count: int, room: _Room)
             f = room.crossed[(start + lane) // 2] - 1 + lane % 2
             loop.which[lane] = min(max(f, 0), count - 1)
         close_loops(loops, pose, loop)
+        for lane in range(lanes):
+            room.sizes[start + lane] = size_of(loop.S, (start + lane) // 2, lane)
+        if not sloped:
+            continue
         clear_slopes(slopes)
         for lane in range(lanes):
-            which = (start + lane) // 2
-            room.sizes[start + lane] = size_of(loop.S, which, lane)
-            write_size_slope(loop.S, which, lane, slopes)
+            write_size_slope(loop.S, (start + lane) // 2, lane, slopes)
         write_gain_slopes(loops, pose, loop, slopes)
         for lane in range(lanes):
             for i in range(len(slopes.by_gains)):

@@ -79,7 +79,8 @@ class Room(NamedTuple):
     def of(cls, m: int) -> Room:
         """For matrices (m, m, lanes)."""
         made = [np.empty((m, m, LANES), complex) for _ in range(3)]
-        return cls(*made, np.empty((m + 2, m, LANES)), np.empty((2, LANES)), np.empty(LANES))
+        real = [np.empty(shape) for shape in ((m + 2, m, LANES), (2, LANES), (LANES,))]
+        return cls._make([*made, *real])
 
 
 def structured_norms(matrices: Array) -> Array:
