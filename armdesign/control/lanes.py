@@ -9,7 +9,8 @@ from __future__ import annotations
 from armdesign.arrays import Array
 from armdesign.simulation.plant.compiled import within
 
-LANES = 32
+LANES = 24
+FAR = 8.0  # a pivot so much larger is worth an exchange of rows
 
 
 @within
@@ -87,10 +88,10 @@ def invert(matrix: Array, inverse: Array, factor: Array) -> None:
 
 @within
 def _keep_larger(matrix: Array, inverse: Array, i: int, j: int, flag: Array) -> None:
-    """Exchange rows i and j in the lanes in which the latter's pivot is the larger."""
+    """Exchange rows i and j in the lanes in which the latter's pivot is far larger."""
     own, other, count = matrix[i, i], matrix[j, i], 0
     for lane in range(LANES):
-        larger = size(other[lane]) > size(own[lane])
+        larger = size(other[lane]) > FAR * size(own[lane])
         flag[lane] = 1.0 if larger else 0.0
         count += larger
     if count > 0:

@@ -3,6 +3,9 @@
 The room is log det(I − Y Yᴴ/limit²), Y the balanced ½(S − T), see ``margins``; of it counts what
 it is less than ``near``. Slopes are exact, see ``loop_slopes``. Nothing more is looked at once a
 limit is exceeded, so that whether margins hold is seen by the same code.
+
+Frequencies are looked at in blocks, see ``lanes``: first those at which the room counted when the
+pose was looked at last, or a limit was exceeded; so other blocks need no rooms or no slopes.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ class Loops(ReadOnly):
 
     @cached_property
     def order(self) -> Array:
-        """Of the frequencies, as they are looked at (n, f): first the one that missed a margin."""
+        """The order in which the frequencies of each pose are looked at (n, f)."""
         return np.tile(np.arange(self.omega.shape[1]), (len(self.omega), 1))
 
     def figures(self, controller: Controller) -> LoopFigures:
