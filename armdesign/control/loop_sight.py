@@ -3,6 +3,9 @@
 The room is log det(I − Y Yᴴ/limit²), Y the balanced ½(S − T), see ``margins``; of it counts what
 it is less than ``near``. Slopes are exact, see ``loop_slopes``. Nothing more is looked at once a
 limit is exceeded, so that whether margins hold is seen by the same code.
+
+Frequencies are looked at in blocks, see ``lanes``: first those at which the room counted when the
+pose was looked at last, or a limit was exceeded; so other blocks need no rooms or no slopes.
 """
 
 from __future__ import annotations
@@ -14,8 +17,10 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.control.controller import Controller
+from armdesign.control.lanes import LANES
 from armdesign.control.loop_slopes import (
     SlopeRoom,
+    clear_slopes,
     crossing_slopes,
     write_gain_slopes,
     write_room_slope,
@@ -31,7 +36,7 @@ from armdesign.control.loops import (
     halve,
     size_of,
 )
-from armdesign.control.margins import log_room, squared_norm
+from armdesign.control.margins import write_room, write_squared_norm
 from armdesign.simulation.plant.compiled import borrowing, within
 
 MEAN = 0.1  # weight of the mean of all loops' bandwidths beside the narrowest
@@ -97,7 +102,8 @@ class _Room(NamedTuple):
     loop: LoopRoom
     slopes: SlopeRoom
     crossed: Array  # first frequency at which a loop is below −3 dB (nq,); f: at none
-    by_gains: Array  # slopes (nq + nc,)
+    ranks: Array  # of frequencies: 0 where the room counts, 1 where it might have, 2 (f,)
+    norms: Array  # squared norms of ½(S − T) at both openings (2, lanes)
     sizes: Array  # |T| of each loop at the frequencies about −3 dB (2 nq,)
     by_sizes: Array  # slopes of their logarithms (2 nq, nq + nc)
 
@@ -105,9 +111,10 @@ class _Room(NamedTuple):
     def of(cls, loops: Loops) -> _Room:
         """For some loops."""
         nq, nc = loops.positions.shape[2:]
-        shapes = nq + nc, 2 * nq, (2 * nq, nq + nc)
+        shapes = (2, LANES), 2 * nq, (2 * nq, nq + nc)
         rooms = LoopRoom.of(loops), SlopeRoom.of(loops)
-        return cls(*rooms, np.empty(nq, int), *(np.empty(shape) for shape in shapes))
+        indices = np.empty(nq, int), np.empty(loops.omega.shape[1], int)
+        return cls(*rooms, *indices, *(np.empty(shape) for shape in shapes))
 
 
 class Sight(NamedTuple):
@@ -117,21 +124,19 @@ class Sight(NamedTuple):
     omega: Array  # (n, f) [rad/s]
     limit: float  # of μ
     near: float  # room det(I − Y Yᴴ/limit²) of both openings above which it does not count
-    worst: Array  # the frequency of each pose that missed the margin last (n,): looked at first
+    order: Array  # of the frequencies of each pose, as they are looked at (n, f)
     room: _Room
 
     @classmethod
-    def of(
-        cls, loops: Loops, controller: Controller, limit: float, near: float, worst: Array
-    ) -> Sight:
+    def of(cls, loops: Loops, controller: Controller, limit: float, near: float) -> Sight:
         """Of loops with controllers of one filter, whatever their gains."""
         arguments = loops.arguments(controller)
-        return cls(arguments, loops.omega, limit, near, worst, _Room.of(loops))
+        return cls(arguments, loops.omega, limit, near, loops.order, _Room.of(loops))
 
-    def seen(self, poses: Array, gains: Array) -> Seen:
-        """What is seen of poses (m,) with gains K and c (m, nq + nc)."""
+    def seen(self, poses: Array, gains: Array, *, sloped: bool = True) -> Seen:
+        """What is seen of poses (m,) with gains K and c (m, nq + nc); slopes if wanted, else 0."""
         seen = Seen.empty(len(poses), self.loops.gains.shape[1], gains.shape[1])
-        _write_seen(self, poses, gains, seen)
+        _write_seen(self, poses, gains, sloped, seen)
         return seen
 
 
@@ -145,12 +150,12 @@ def margins_hold(loops: Loops, controller: Controller, margin: float, rows: Arra
         rows: indices of the poses (m,).
     """
     gains = np.concatenate([controller.position, controller.pressure], axis=1)
-    sight = Sight.of(loops, controller, 1 / margin, LOST, loops.worst)
-    return sight.seen(rows, gains[rows]).holds
+    sight = Sight.of(loops, controller, 1 / margin, LOST)
+    return sight.seen(rows, gains[rows], sloped=False).holds
 
 
 @borrowing
-def _write_seen(sight: Sight, poses: Array, gains: Array, seen: Seen) -> None:
+def _write_seen(sight: Sight, poses: Array, gains: Array, sloped: bool, seen: Seen) -> None:
     """Write what is seen of gains (m, nq + nc); nothing more once the margin is missed."""
     loops, room, count = sight.loops, sight.room, sight.omega.shape[1]
     nq = len(room.crossed)
@@ -161,83 +166,124 @@ def _write_seen(sight: Sight, poses: Array, gains: Array, seen: Seen) -> None:
                 room.crossed[i], loops.gains[pose, i] = count, gains[row, i]
             else:
                 loops.pressure_gains[pose, i - nq] = gains[row, i]
-        first = sight.worst[pose]
-        for turn in range(count + 2 * nq):
-            f = _frequency(turn, count, first, room.crossed)
-            if f < 0:
-                continue
-            close_loops(loops, pose, f, room.loop)
-            if turn < count:
-                counts = _add_room(room, f, sight.limit, sight.near, seen, row)
-            else:
-                counts = _write_size(turn - count, room.loop.S, room.sizes, room.slopes)
+        for start in range(0, count, LANES):
+            if _look_at_block(sight, pose, start, seen, row) and sloped:
+                _add_slopes(sight, pose, min(LANES, count - start), seen, row)
             if seen.rooms[row] == -math.inf:
-                sight.worst[pose] = f
                 break
-            if counts:
-                write_gain_slopes(loops, pose, f, room.loop, room.slopes, room.by_gains)
-                _keep_slopes(turn - count, room.by_gains, room.by_sizes, seen, row)
         if seen.rooms[row] > -math.inf:
+            _sort(sight.order[pose], room.ranks)
+            _look_at_crossings(loops, pose, count, sloped, room)
             _write_logs(sight.omega[pose], room, seen, row)
 
 
 @within
-def _frequency(turn: int, count: int, first: int, crossed: Array) -> int:
-    """All in turn, the ``first`` before; then two about −3 dB of each loop; −1 for none."""
-    if turn < count:
-        return first if turn == 0 else turn - 1 if turn <= first else turn
-    f = crossed[(turn - count) // 2]
-    return -1 if f == count else int(f - 1 + (turn - count) % 2)
-
-
-@within
-def _add_room(room: _Room, f: int, limit: float, near: float, seen: Seen, row: int) -> bool:
-    """Add how much less than ``near`` the room at a frequency is; whether it is less."""
-    loop, value = room.loop, -math.log(near)
-    S_c, S = loop.S_c, loop.S
+def _look_at_block(sight: Sight, pose: int, start: int, seen: Seen, row: int) -> bool:
+    """Add the rooms of as many frequencies as there are lanes: whether their slopes count."""
+    room, count = sight.room, sight.omega.shape[1]
+    loop, lanes = room.loop, min(LANES, count - start)
+    for lane in range(LANES):
+        loop.which[lane] = sight.order[pose, min(start + lane, count - 1)]
+    close_loops(sight.loops, pose, loop)
     for i in range(len(room.crossed)):
-        if f < room.crossed[i] and size_of(S, i) < HALF:
-            room.crossed[i] = f
-    halve(S_c, 0.5)
-    halve(S, 0.5)
-    least = 1 - squared_norm(S_c) / limit**2, 1 - squared_norm(S) / limit**2
-    if least[0] > 0 and least[0] * least[1] > near:  # det(I − Y Yᴴ) ≥ 1 − tr Y Yᴴ
+        for lane in range(lanes):
+            if loop.which[lane] < room.crossed[i] and size_of(loop.S, i, lane) < HALF:
+                room.crossed[i] = loop.which[lane]
+    halve(loop.S_c, 0.5)
+    halve(loop.S, 0.5)
+    if not _any_near(room, lanes, sight.limit, sight.near):
         return False
-    for opening in range(2):
-        matrix, own = (S_c, loop.command) if opening == 0 else (S, loop.position)
-        value += log_room(matrix, limit, own)
-    if value < 0.0:
-        seen.rooms[row] += value
-    if not -math.inf < value < 0.0:
-        return False
-    for opening in range(2):
-        own, slope = loop.command, room.slopes.command
-        if opening == 1:
-            own, slope = loop.position, room.slopes.position
-        write_room_slope(own, room.slopes.shifts, slope)
-    halve(S_c, -0.5)
-    halve(S, -0.5)
-    return True
+    write_room(loop.S_c, sight.limit, loop.command)
+    write_room(loop.S, sight.limit, loop.position)
+    return _add_rooms(sight, pose, start, lanes, seen, row)
 
 
 @within
-def _write_size(which: int, S: Array, sizes: Array, slopes: SlopeRoom) -> bool:
-    """Write |T| of a loop at one of the two frequencies about −3 dB, and what it changes with."""
-    sizes[which] = size_of(S, which // 2)
-    write_size_slope(S, which // 2, slopes)
-    return True
+def _any_near(room: _Room, lanes: int, limit: float, near: float) -> bool:
+    """Whether the room may be less than ``near`` in any lane: det(I − Y Yᴴ) ≥ 1 − tr Y Yᴴ."""
+    write_squared_norm(room.loop.S_c, room.norms[0])
+    write_squared_norm(room.loop.S, room.norms[1])
+    any_near = False
+    for lane in range(lanes):
+        command = 1 - room.norms[0, lane] / limit**2
+        position = 1 - room.norms[1, lane] / limit**2
+        far = command > 0 and command * position > near
+        room.ranks[room.loop.which[lane]] = 2 if far else 1
+        any_near |= not far
+    return any_near
 
 
 @within
-def _keep_slopes(which: int, by_gains: Array, by_sizes: Array, seen: Seen, row: int) -> None:
-    """Add slopes of the room, or keep those of one of the sizes about −3 dB."""
-    for i in range(len(by_gains)):
-        if which >= 0:
-            by_sizes[which, i] = by_gains[i]
-        else:
-            seen.slopes[row, i] += by_gains[i]
-            for j in range(len(by_gains)):
-                seen.bent[row, i, j] += by_gains[i] * by_gains[j]
+def _add_rooms(sight: Sight, pose: int, start: int, lanes: int, seen: Seen, row: int) -> bool:
+    """Add how much less than ``near`` rooms are; whether any is less and none is missed."""
+    room, order, counts = sight.room, sight.order[pose], False
+    for lane in range(lanes):
+        left, f = room.loop.command.left[lane] * room.loop.position.left[lane], order[start + lane]
+        if not left > 0.0:
+            seen.rooms[row] = -math.inf
+            order[start + lane], order[0] = order[0], f
+            return False
+        if left < sight.near:
+            seen.rooms[row] += math.log(left / sight.near)
+            room.ranks[f], counts = 0, True
+    return counts
+
+
+@within
+def _sort(order: Array, ranks: Array) -> None:
+    """Sort frequencies by rank, so that few blocks hold those that count."""
+    place = 0
+    for rank in range(3):
+        for f in range(len(order)):
+            if ranks[f] == rank:
+                order[place] = f
+                place += 1
+
+
+@within
+def _add_slopes(sight: Sight, pose: int, lanes: int, seen: Seen, row: int) -> None:
+    """Add slopes of the rooms that are less than ``near``, and how they bend down."""
+    loop, slopes, by_gains = sight.room.loop, sight.room.slopes, sight.room.slopes.by_gains
+    write_room_slope(loop.command, slopes, slopes.command)
+    write_room_slope(loop.position, slopes, slopes.position)
+    halve(loop.S_c, -0.5)
+    halve(loop.S, -0.5)
+    write_gain_slopes(sight.loops, pose, loop, slopes)
+    for lane in range(lanes):
+        if loop.command.left[lane] * loop.position.left[lane] < sight.near:
+            for i in range(len(by_gains)):
+                slope = by_gains[i, lane]
+                seen.slopes[row, i] += slope
+                for j in range(len(by_gains)):
+                    seen.bent[row, i, j] += slope * by_gains[j, lane]
+
+
+@within
+def _look_at_crossings(
+    loops: LoopArguments, pose: int, count: int, sloped: bool, room: _Room
+) -> None:
+    """Write |T| of loops at the two frequencies about −3 dB of each, and slopes of its logarithm.
+
+    Whatever where there are none.
+    """
+    loop, slopes, wanted = room.loop, room.slopes, len(room.sizes)
+    for start in range(0, wanted, LANES):
+        lanes = min(LANES, wanted - start)
+        for lane in range(lanes):
+            f = room.crossed[(start + lane) // 2] - 1 + lane % 2
+            loop.which[lane] = min(max(f, 0), count - 1)
+        close_loops(loops, pose, loop)
+        for lane in range(lanes):
+            room.sizes[start + lane] = size_of(loop.S, (start + lane) // 2, lane)
+        if not sloped:
+            continue
+        clear_slopes(slopes)
+        for lane in range(lanes):
+            write_size_slope(loop.S, (start + lane) // 2, lane, slopes)
+        write_gain_slopes(loops, pose, loop, slopes)
+        for lane in range(lanes):
+            for i in range(len(slopes.by_gains)):
+                room.by_sizes[start + lane, i] = slopes.by_gains[i, lane]
 
 
 @within

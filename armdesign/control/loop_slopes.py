@@ -17,6 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.control.lanes import (
+    LANES,
+    add_products,
+    add_scaled,
+    fill,
+    subtract_products,
+    write_product,
+)
 from armdesign.control.loops import HALF, LoopArguments, LoopRoom, Loops
 from armdesign.control.margins import Room
 from armdesign.simulation.plant.compiled import within
@@ -25,131 +33,188 @@ SWEEPS = 4  # of the balancing's slope, as many as of the balancing
 
 
 class SlopeRoom(NamedTuple):
-    """What is computed of slopes at one frequency, which compiled code may not make anew."""
+    """What is computed of slopes at some frequencies, which compiled code may not make anew."""
 
-    command: Array  # Γ of S_c (nc, nc)
-    position: Array  # Γ_p of S (nq, nq)
-    fed: Array  # K Γ_pᵀ P (nq, nc)
-    between: Array  # R K Γ_pᵀ P − Γᵀ (nc, nc)
-    half: Array  # that times S_c (nc, nc)
-    returned: Array  # W (nc, nc)
-    shifts: Array  # of the balancing: slopes by log D², and what makes up for them (2, m)
+    command: Array  # Γ of S_c (nc, nc, lanes)
+    position: Array  # Γ_p of S (nq, nq, lanes)
+    fed: Array  # Γ_pᵀ P (nq, nc, lanes)
+    between: Array  # R K Γ_pᵀ P − Γᵀ (nc, nc, lanes)
+    half: Array  # that times S_c (nc, nc, lanes)
+    returned: Array  # W (nc, nc, lanes)
+    total: Array  # a sum (lanes,)
+    shifts: Array  # of the balancing: slopes by log D², and what makes up for them (2, m, lanes)
+    weights: Array  # of differences of these, with their sums on the diagonal (m, m, lanes)
+    sum: Array  # (lanes,)
+    by_gains: Array  # slopes by the logarithms of all gains (nq + nc, lanes)
 
     @classmethod
     def of(cls, loops: Loops) -> SlopeRoom:
         """For some loops."""
         nq, nc = loops.positions.shape[2:]
-        shapes = (nc, nc), (nq, nq), (nq, nc), (nc, nc), (nc, nc), (nc, nc)
-        made = [np.empty(shape, complex) for shape in shapes]
-        return cls._make([*made, np.empty((2, max(nq, nc)))])
+        shapes = (nc, nc), (nq, nq), (nq, nc), (nc, nc), (nc, nc), (nc, nc), ()
+        made = [np.empty((*shape, LANES), complex) for shape in shapes]
+        m = max(nq, nc)
+        real = [np.empty((*shape, LANES)) for shape in ((2, m), (m, m), (), (nq + nc,))]
+        return cls._make([*made, *real])
 
 
 @within
-def write_room_slope(room: Room, shifts: Array, slope: Array) -> None:
-    """Write Γ (m, m): ``log_room`` of X, which it has left in its room, changes by Re tr(Γᵀ dX).
+def write_room_slope(room: Room, slopes: SlopeRoom, slope: Array) -> None:
+    """Write Γ (m, m, lanes): log ``room.left`` of X changes by Re tr(Γᵀ dX).
 
     With Z = (limit² I − Y Yᴴ)⁻¹ Y it changes by −2 Re tr(Zᴴ dY). Y changes with X and with D, of
     which a change du of log D² keeps Y balanced: Σ_j w_ij (du_i − du_j) is what dX lets columns
     have more than rows, w_ij = |Y_ij|² + |Y_ji|². A sweep of Gauss and Seidel solves that as one
     of Osborne's balances.
     """
-    m, lower, Y, Z = len(slope), room.lower, room.balanced, slope
+    m, Y, Z, shifts = len(slope), room.balanced, slope, slopes.shifts
+    _write_solution(room.lower, Y, Z)
+    _write_shifts(Y, Z, slopes)
+    for i in range(m):
+        for j in range(m):
+            row, column = room.squares[m, i], room.squares[m + 1, j]
+            own, other, y, z = shifts[1, i], shifts[1, j], Y[i, j], Z[i, j]
+            for lane in range(LANES):
+                shift, twice = other[lane] - own[lane], 2 * row[lane] * column[lane]
+                value, before = y[lane], z[lane]
+                real, imaginary = shift * value.real, shift * value.imag
+                real, imaginary = real - before.real, before.imag - imaginary
+                z[lane] = complex(twice * real, twice * imaginary)
+
+
+@within
+def _write_solution(lower: Array, Y: Array, Z: Array) -> None:
+    """Write Z = (L Lᴴ)⁻¹ Y (m, m, lanes), L with one over its diagonal."""
+    m = len(Z)
     for k in range(m):
         for i in range(m):
-            total = Y[i, k]
+            for lane in range(LANES):
+                Z[i, k, lane] = Y[i, k, lane]
             for j in range(i):
-                total -= lower[i, j] * Z[j, k]
-            Z[i, k] = total * lower[i, i].real
+                subtract_products(Z[i, k], lower[i, j], Z[j, k])
+            _divide(Z[i, k], lower[i, i])
         for i in range(m - 1, -1, -1):
-            total = Z[i, k]
             for j in range(i + 1, m):
-                total -= lower[j, i].conjugate() * Z[j, k]
-            Z[i, k] = total * lower[i, i].real
+                z, below, known = Z[i, k], lower[j, i], Z[j, k]
+                for lane in range(LANES):
+                    z[lane] -= below[lane].conjugate() * known[lane]
+            _divide(Z[i, k], lower[i, i])
+
+
+@within
+def _divide(values: Array, over: Array) -> None:
+    """Multiply by one over a real number."""
+    for lane in range(LANES):
+        value, factor = values[lane], over[lane].real
+        values[lane] = complex(factor * value.real, factor * value.imag)
+
+
+@within
+def _write_shifts(Y: Array, Z: Array, slopes: SlopeRoom) -> None:
+    """Write changes of log D² that make up for changes of Y, see ``write_room_slope``."""
+    m, shifts, weights, total = len(Z), slopes.shifts, slopes.weights, slopes.sum
     for i in range(m):
-        shifts[0, i] = shifts[1, i] = 0.0
+        fill(shifts[0, i], 0.0)
+        fill(shifts[1, i], 0.0)
+        fill(weights[i, i], 1e-300)
         for j in range(m):
-            shifts[0, i] += (Y[j, i] * Z[j, i].conjugate() - Y[i, j] * Z[i, j].conjugate()).real
+            _add_difference(shifts[0, i], Y[j, i], Z[j, i], 1.0)
+            _add_difference(shifts[0, i], Y[i, j], Z[i, j], -1.0)
+            if j != i:
+                _write_weight(Y[i, j], Y[j, i], weights[i, j], weights[i, i])
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
-            weights, total = 1e-300, shifts[0, i]
+            for lane in range(LANES):
+                total[lane] = shifts[0, i, lane]
             for j in range(m):
                 if j != i:
-                    weight = (Y[i, j] * Y[i, j].conjugate()).real
-                    weight += (Y[j, i] * Y[j, i].conjugate()).real
-                    weights += weight
-                    total += weight * shifts[1, j]
-            shifts[1, i] = total / weights
-    for i in range(m):
-        for j in range(m):
-            moved = (shifts[1, j] - shifts[1, i]) * Y[i, j] - Z[i, j]
-            ratio = room.squares[m, i] * room.squares[m + 1, j]
-            slope[i, j] = 2 * ratio * moved.conjugate()
+                    add_products(total, weights[i, j], shifts[1, j])
+            for lane in range(LANES):
+                shifts[1, i, lane] = total[lane] / weights[i, i, lane]
 
 
 @within
-def write_size_slope(S: Array, loop: int, slopes: SlopeRoom) -> None:
-    """Write Γ and Γ_p of log |T| of a loop, T = 1 − S of its own."""
-    T = 1 - S[loop, loop]
-    inverse = T.conjugate() / (T.real**2 + T.imag**2)
-    for i in range(len(slopes.command)):
-        for j in range(len(slopes.command)):
-            slopes.command[i, j] = 0.0
-    for i in range(len(slopes.position)):
-        for j in range(len(slopes.position)):
-            slopes.position[i, j] = -inverse if i == j == loop else 0.0
+def _add_difference(out: Array, y: Array, z: Array, sign: float) -> None:
+    """Add or subtract Re(y z*)."""
+    for lane in range(LANES):
+        out[lane] += sign * (y[lane].real * z[lane].real + y[lane].imag * z[lane].imag)
 
 
 @within
-def write_gain_slopes(
-    loops: LoopArguments, pose: int, f: int, room: LoopRoom, slopes: SlopeRoom, by_gains: Array
-) -> None:
+def _write_weight(a: Array, b: Array, weight: Array, total: Array) -> None:
+    """Write |a|² + |b|², and add it to a total."""
+    for lane in range(LANES):
+        x, y = a[lane], b[lane]
+        value = x.real * x.real + x.imag * x.imag + y.real * y.real + y.imag * y.imag
+        weight[lane] = value
+        total[lane] += value
+
+
+@within
+def clear_slopes(slopes: SlopeRoom) -> None:
+    """Write 0 into Γ and Γ_p."""
+    for matrix in (slopes.command, slopes.position):
+        for i in range(len(matrix)):
+            for j in range(len(matrix)):
+                fill(matrix[i, j], 0.0)
+
+
+@within
+def write_size_slope(S: Array, loop: int, lane: int, slopes: SlopeRoom) -> None:
+    """Write what is not 0 of Γ and Γ_p of log |T| of a loop in a lane, T = 1 − S of its own."""
+    T = 1 - S[loop, loop, lane]
+    slopes.position[loop, loop, lane] = -T.conjugate() / (T.real**2 + T.imag**2)
+
+
+@within
+def write_gain_slopes(loops: LoopArguments, pose: int, room: LoopRoom, slopes: SlopeRoom) -> None:
     """Write slopes by the logarithms of all gains (nq + nc), of what Γ and Γ_p say, see module."""
-    P, Y, R = loops.positions[pose, f], loops.pressures[pose, f], loops.arms[pose]
-    H, c, K = loops.filters[pose, f], loops.pressure_gains[pose], loops.gains[pose]
-    _write_returned(P, R, K, room.S_c, slopes)
-    nq, nc, W, position = len(K), len(c), slopes.returned, slopes.position
+    R, c, K = loops.arms[pose], loops.pressure_gains[pose], loops.gains[pose]
+    _write_returned(R, K, room, slopes)
+    nq, nc, W, total = len(K), len(c), slopes.returned, slopes.total
     for k in range(nq):
-        total = 0j
+        by_gain = slopes.by_gains[k]
+        fill(by_gain, 0.0)
         for i in range(nc):
-            seen = 0j
+            fill(total, 0.0)
             for j in range(nc):
-                seen += W[i, j] * R[j, k]
-            total += P[k, i] * seen
+                if R[j, k] != 0.0:
+                    add_scaled(total, R[j, k], W[i, j])
+            _add_real_product(by_gain, room.positions[k, i], total, K[k])
         for i in range(nq):
-            total -= position[i, k] * room.closed[i, k]
-        by_gains[k] = K[k] * total.real
+            _add_real_product(by_gain, slopes.position[i, k], room.closed[i, k], -K[k])
     for i in range(nc):
-        total = 0j
+        by_gain = slopes.by_gains[nq + i]
+        fill(by_gain, 0.0)
         for j in range(nc):
-            total += Y[i, j] * W[j, i]
-        by_gains[nq + i] = c[i] * (H * total).real
+            _add_real_product(by_gain, room.pressures[i, j], W[j, i], c[i])
 
 
 @within
-def _write_returned(P: Array, R: Array, K: Array, S_c: Array, slopes: SlopeRoom) -> None:
+def _add_real_product(out: Array, a: Array, b: Array, factor: float) -> None:
+    """Add a factor of Re(a b)."""
+    for lane in range(LANES):
+        out[lane] += factor * (a[lane].real * b[lane].real - a[lane].imag * b[lane].imag)
+
+
+@within
+def _write_returned(R: Array, K: Array, room: LoopRoom, slopes: SlopeRoom) -> None:
     """Write W of Γ and Γ_p."""
-    nq, nc = P.shape
-    fed, between, half = slopes.fed, slopes.between, slopes.half
-    for k in range(nq):
-        for j in range(nc):
-            fed[k, j] = 0.0
-            for i in range(nq):
-                fed[k, j] += K[k] * slopes.position[i, k] * P[i, j]
-    for i in range(nc):
-        for j in range(nc):
-            between[i, j] = -slopes.command[j, i]
-            for k in range(nq):
-                between[i, j] += R[i, k] * fed[k, j]
-    for i in range(nc):
-        for j in range(nc):
-            half[i, j] = 0.0
-            for k in range(nc):
-                half[i, j] += between[i, k] * S_c[k, j]
-    for i in range(nc):
-        for j in range(nc):
-            slopes.returned[i, j] = 0.0
-            for k in range(nc):
-                slopes.returned[i, j] += S_c[i, k] * half[k, j]
+    between = slopes.between
+    for k in range(len(K)):
+        for j in range(len(R)):
+            fill(slopes.fed[k, j], 0.0)
+            for i in range(len(K)):
+                add_products(slopes.fed[k, j], slopes.position[i, k], room.positions[i, j])
+    for i in range(len(R)):
+        for j in range(len(R)):
+            fill(between[i, j], 0.0)
+            add_scaled(between[i, j], -1.0, slopes.command[j, i])
+            for k in range(len(K)):
+                if R[i, k] != 0.0:
+                    add_scaled(between[i, j], R[i, k] * K[k], slopes.fed[k, j])
+    write_product(slopes.half, between, room.S_c)
+    write_product(slopes.returned, room.S_c, slopes.half)
 
 
 @within

@@ -22,8 +22,9 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.controller import Controller
+from armdesign.control.lanes import LANES, add_scaled, fill, invert, write_product
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.margins import Room, invert, largest_norms
+from armdesign.control.margins import Room, largest_norms
 from armdesign.simulation.plant.compiled import within
 
 HALF = math.sqrt(0.5)  # −3 dB
@@ -105,9 +106,9 @@ class Loops(ReadOnly):
         return (self.moment_arms * controller.position[:, None])[:, None]
 
     @cached_property
-    def worst(self) -> Array:
-        """The frequency of each pose that missed a margin last (n,): looked at first."""
-        return np.zeros(len(self.omega), dtype=int)
+    def order(self) -> Array:
+        """The order in which the frequencies of each pose are looked at (n, f)."""
+        return np.tile(np.arange(self.omega.shape[1]), (len(self.omega), 1))
 
     def figures(self, controller: Controller) -> LoopFigures:
         """Margins, bandwidths and peaks of the closed loops; 0 at poses without gains."""
@@ -152,11 +153,10 @@ class Loops(ReadOnly):
         """These loops with copies of their controllers' gains, for compiled code."""
         return LoopArguments(
             self.positions,
-            self.pressures,
+            controller.filtered(self.omega)[..., None, None] * self.pressures,
             self.moment_arms,
             np.array(controller.position, dtype=float, order="C"),
             np.array(controller.pressure, dtype=float, order="C"),
-            controller.filtered(self.omega),
         )
 
 
@@ -189,21 +189,28 @@ class LoopFigures(NamedTuple):
 class LoopArguments(NamedTuple):
     """Loops and their controllers, for compiled code."""
 
-    positions: Array
-    pressures: Array
-    arms: Array
+    positions: Array  # P (n, f, nq, nc)
+    pressures: Array  # H Y (n, f, nc, nc)
+    arms: Array  # R (n, nc, nq)
     gains: Array  # K (n, nq)
     pressure_gains: Array  # c (n, nc)
-    filters: Array  # H (n, f)
 
 
 class LoopRoom(NamedTuple):
-    """What is computed of closed loops at one frequency, which compiled code may not make anew."""
+    """What is computed of closed loops at some frequencies, which compiled code may not make anew.
 
-    opened: Array  # I + L_c, which is spoilt (nc, nc)
-    S_c: Array  # (I + L_c)⁻¹ (nc, nc)
-    closed: Array  # P (I + L_c)⁻¹ R (nq, nq)
-    S: Array  # (I + L_p)⁻¹ (nq, nq)
+    The last axis of arrays is the lane, see ``lanes``.
+    """
+
+    which: Array  # indices of the frequencies (lanes,)
+    positions: Array  # P (nq, nc, lanes)
+    pressures: Array  # H Y (nc, nc, lanes)
+    opened: Array  # I + L_c, which is spoilt (nc, nc, lanes)
+    S_c: Array  # (I + L_c)⁻¹ (nc, nc, lanes)
+    moved: Array  # P (I + L_c)⁻¹ (nq, nc, lanes)
+    closed: Array  # P (I + L_c)⁻¹ R (nq, nq, lanes)
+    S: Array  # (I + L_p)⁻¹ (nq, nq, lanes)
+    factor: Array  # for inverses (lanes,)
     command: Room  # for S_c
     position: Room  # for S
 
@@ -211,39 +218,58 @@ class LoopRoom(NamedTuple):
     def of(cls, loops: Loops) -> LoopRoom:
         """For some loops."""
         nq, nc = loops.positions.shape[2:]
-        opened, S_c, closed, S = (np.empty((m, m), complex) for m in (nc, nc, nq, nq))
-        return cls(opened, S_c, closed, S, Room.of(nc), Room.of(nq))
+        shapes = (nq, nc), (nc, nc), (nc, nc), (nc, nc), (nq, nc), (nq, nq), (nq, nq), ()
+        made = [np.empty((*shape, LANES), complex) for shape in shapes]
+        return cls._make([np.zeros(LANES, int), *made, Room.of(nc), Room.of(nq)])
 
 
 @within
-def close_loops(loops: LoopArguments, pose: int, f: int, room: LoopRoom) -> None:
-    """Close the loops of a pose at its frequency f."""
-    opened, S_c, closed, S = room.opened, room.S_c, room.closed, room.S
-    nq, nc = loops.positions.shape[2], loops.positions.shape[3]
-    P, Y, R = loops.positions[pose, f], loops.pressures[pose, f], loops.arms[pose]
-    H, c, K = loops.filters[pose, f], loops.pressure_gains[pose], loops.gains[pose]
-    for i in range(nc):
-        for j in range(nc):
-            opened[i, j] = c[i] * H * Y[i, j] + (1.0 if i == j else 0.0)
-            for k in range(nq):
-                opened[i, j] += R[i, k] * K[k] * P[k, j]
-    invert(opened, S_c)
-    for i in range(nq):
-        closed[i] = 0.0
-        for m in range(nc):
-            total = 0j
-            for k in range(nc):
-                total += P[i, k] * S_c[k, m]
-            for j in range(nq):
-                closed[i, j] += total * R[m, j]
-        for j in range(nq):
-            S[i, j] = (1.0 if i == j else 0.0) - closed[i, j] * K[j]
+def close_loops(loops: LoopArguments, pose: int, room: LoopRoom) -> None:
+    """Close the loops of a pose at the frequencies of a room."""
+    P, S_c, closed, S = room.positions, room.S_c, room.closed, room.S
+    R, K = loops.arms[pose], loops.gains[pose]
+    _take(loops.positions[pose], room.which, P)
+    _take(loops.pressures[pose], room.which, room.pressures)
+    _write_opened(R, K, loops.pressure_gains[pose], room)
+    invert(room.opened, S_c, room.factor)
+    write_product(room.moved, P, S_c)
+    for i in range(len(K)):
+        for j in range(len(K)):
+            fill(closed[i, j], 0.0)
+            for m in range(len(R)):
+                if R[m, j] != 0.0:
+                    add_scaled(closed[i, j], R[m, j], room.moved[i, m])
+            fill(S[i, j], 1.0 if i == j else 0.0)
+            add_scaled(S[i, j], -K[j], closed[i, j])
 
 
 @within
-def size_of(S: Array, i: int) -> float:
-    """|T| of a position loop, the others closed."""
-    return abs(1 - S[i, i])
+def _take(values: Array, which: Array, out: Array) -> None:
+    """Copy matrices (f, m, n) at some frequencies (lanes,) to (m, n, lanes)."""
+    for lane in range(LANES):
+        for i in range(out.shape[0]):
+            for j in range(out.shape[1]):
+                out[i, j, lane] = values[which[lane], i, j]
+
+
+@within
+def _write_opened(R: Array, K: Array, c: Array, room: LoopRoom) -> None:
+    """Write I + L_c (nc, nc, lanes)."""
+    for i in range(len(c)):
+        for j in range(len(c)):
+            opened = room.opened[i, j]
+            fill(opened, 1.0 if i == j else 0.0)
+            add_scaled(opened, c[i], room.pressures[i, j])
+            for k in range(len(K)):
+                if R[i, k] != 0.0:
+                    add_scaled(opened, R[i, k] * K[k], room.positions[k, j])
+
+
+@within
+def size_of(S: Array, i: int, lane: int) -> float:
+    """|T| of a position loop in a lane, the others closed."""
+    T = 1 - S[i, i, lane]
+    return math.sqrt(T.real * T.real + T.imag * T.imag)  # three times as fast as abs
 
 
 @within
@@ -270,6 +296,7 @@ def crossing(omega: Array, f: int, last: float, size: float) -> float:
 
 @within
 def halve(S: Array, half: float) -> None:
-    """Make ½(S − T) = S − ½ of S (m, m); with −½ again S of it."""
+    """Make ½(S − T) = S − ½ of S (m, m, lanes); with −½ again S of it."""
     for i in range(len(S)):
-        S[i, i] -= half
+        for lane in range(LANES):
+            S[i, i, lane] -= half

@@ -19,12 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.control.lanes import LANES, add_products, fill
 from armdesign.errors import ArmDesignError
 from armdesign.simulation.plant.compiled import within
 from armdesign.units import deg
 
 SWEEPS = 4  # of the balancing
-TINY = 1e-300  # of a squared norm, so that a row of zeros balances
+TINY = 1e-150  # of a squared norm, so that a row of zeros balances
 GAIN_MARGIN_DB, PHASE_MARGIN = 6.0, 45 * deg  # customary
 
 
@@ -65,18 +66,21 @@ def phase_margin(margin: Array | float) -> Array:
 
 
 class Room(NamedTuple):
-    """Room for the computations of one matrix (m, m), which compiled code may not make anew."""
+    """Room for computations of matrices (m, m, lanes), which compiled code may not make anew."""
 
-    square: Array  # Y Yᴴ of the balanced matrix (m, m)
-    lower: Array  # Cholesky factor of limit² I − Y Yᴴ, over its diagonal (m, m)
-    balanced: Array  # Y (m, m)
-    squares: Array  # |X|² of all elements, D and one over it (m + 2, m)
+    square: Array  # Y Yᴴ of the balanced matrix (m, m, lanes)
+    lower: Array  # Cholesky factor of limit² I − Y Yᴴ, over its diagonal (m, m, lanes)
+    balanced: Array  # Y (m, m, lanes)
+    squares: Array  # |X|² of all elements, D and one over it (m + 2, m, lanes)
+    sums: Array  # of rows and columns of these (2, lanes)
+    left: Array  # det(I − Y Yᴴ/limit²), 0 where μ(X) is above the limit (lanes,)
 
     @classmethod
     def of(cls, m: int) -> Room:
-        """For matrices (m, m)."""
-        square, lower, balanced = (np.empty((m, m), complex) for _ in range(3))
-        return cls(square, lower, balanced, np.empty((m + 2, m)))
+        """For matrices (m, m, lanes)."""
+        made = [np.empty((m, m, LANES), complex) for _ in range(3)]
+        real = [np.empty(shape) for shape in ((m + 2, m, LANES), (2, LANES), (LANES,))]
+        return cls._make([*made, *real])
 
 
 def structured_norms(matrices: Array) -> Array:
@@ -110,94 +114,92 @@ def _squared(matrices: Array) -> Array:
 
 
 @within
-def log_room(matrix: Array, limit: float, room: Room) -> float:
-    """How far μ(X) is below a limit: log det(I − Y Yᴴ/limit²) of the balanced Y; −∞ if above."""
-    m, squares = len(matrix), room.squares
+def write_room(matrix: Array, limit: float, room: Room) -> None:
+    """Write how far μ(X) is below a limit: det(I − Y Yᴴ/limit²) of the balanced Y; 0 if above."""
+    m, scale, over = len(matrix), room.squares[len(matrix)], room.squares[len(matrix) + 1]
+    _balance(matrix, room)
+    for i in range(m):
+        for j in range(m):
+            balanced, element, d, one_over = room.balanced[i, j], matrix[i, j], scale[i], over[j]
+            for lane in range(LANES):
+                ratio, value = d[lane] * one_over[lane], element[lane]
+                balanced[lane] = complex(ratio * value.real, ratio * value.imag)
+        for j in range(i + 1):
+            square = room.square[i, j]
+            fill(square, 0.0)
+            for k in range(m):
+                row, column = room.balanced[i, k], room.balanced[j, k]
+                for lane in range(LANES):
+                    square[lane] += row[lane] * column[lane].conjugate()
+    _write_pivots(room, limit * limit)
+
+
+@within
+def _balance(matrix: Array, room: Room) -> None:
+    """Write D and one over it, of matrices (m, m, lanes)."""
+    m, squares, row, column = len(matrix), room.squares, room.sums[0], room.sums[1]
     scale, over = squares[m], squares[m + 1]
     for i in range(m):
-        scale[i] = over[i] = 1.0
+        fill(scale[i], 1.0)
+        fill(over[i], 1.0)
         for j in range(m):
-            squares[i, j] = matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
+            _write_squares(matrix[i, j], squares[i, j])
     for _ in range(SWEEPS if m > 1 else 0):
         for i in range(m):
-            row, column = TINY, TINY
+            fill(row, TINY)
+            fill(column, TINY)
             for j in range(m):
                 if j != i:
-                    row += squares[i, j] * over[j]
-                    column += squares[j, i] * scale[j]
-            scale[i] = math.sqrt(column / row)  # so that row × d = column / d
-            over[i] = 1 / scale[i]
+                    add_products(row, squares[i, j], over[j])
+                    add_products(column, squares[j, i], scale[j])
+            for lane in range(LANES):
+                even = 1 / math.sqrt(row[lane] * column[lane])  # so that row × d = column / d
+                scale[i, lane], over[i, lane] = even * column[lane], even * row[lane]
     for i in range(m):
-        scale[i] = math.sqrt(scale[i])
-        over[i] = 1 / scale[i]
-    for i in range(m):
-        for j in range(m):
-            room.balanced[i, j] = matrix[i, j] * (scale[i] * over[j])
-        for j in range(i + 1):
-            product = 0j
-            for k in range(m):
-                product += room.balanced[i, k] * room.balanced[j, k].conjugate()
-            room.square[i, j] = product
-    return _log_pivots(room, limit * limit)
+        for lane in range(LANES):
+            scale[i, lane] = math.sqrt(scale[i, lane])
+            over[i, lane] = 1 / scale[i, lane]
 
 
 @within
-def squared_norm(matrix: Array) -> float:
-    """The squared Frobenius norm."""
-    total = 0.0
+def _write_squares(values: Array, squares: Array) -> None:
+    """Write |X|² (lanes,)."""
+    for lane in range(LANES):
+        value = values[lane]
+        squares[lane] = value.real * value.real + value.imag * value.imag
+
+
+@within
+def write_squared_norm(matrix: Array, total: Array) -> None:
+    """Write the squared Frobenius norm (lanes,) of matrices (m, m, lanes)."""
+    fill(total, 0.0)
     for i in range(len(matrix)):
         for j in range(len(matrix)):
-            total += matrix[i, j].real ** 2 + matrix[i, j].imag ** 2
-    return total
+            values = matrix[i, j]
+            for lane in range(LANES):
+                value = values[lane]
+                total[lane] += value.real * value.real + value.imag * value.imag
 
 
 @within
-def _log_pivots(room: Room, limit: float) -> float:
-    """Logarithm of det(I − X/limit), X Hermitian in a room; −∞ where that is not positive."""
-    square, lower, product = room.square, room.lower, 1.0
+def _write_pivots(room: Room, limit: float) -> None:
+    """Write det(I − X/limit), X Hermitian in a room; 0 where I − X/limit is not positive."""
+    square, lower, left = room.square, room.lower, room.left
+    fill(left, 1.0)
     for i in range(len(square)):
         for j in range(i + 1):
-            pivot = (limit if i == j else 0.0) - square[i, j]
+            pivot, own, diagonal = lower[i, j], square[i, j], lower[j, j]
+            for lane in range(LANES):
+                pivot[lane] = (limit if i == j else 0.0) - own[lane]
             for k in range(j):
-                pivot -= lower[i, k] * lower[j, k].conjugate()
+                row, column = lower[i, k], lower[j, k]
+                for lane in range(LANES):
+                    pivot[lane] -= row[lane] * column[lane].conjugate()
             if i > j:
-                lower[i, j] = pivot * lower[j, j].real  # where one over the diagonal is kept
-            elif pivot.real <= 0.0:
-                return -math.inf
+                for lane in range(LANES):  # one over the diagonal is kept
+                    pivot[lane] *= diagonal[lane].real
             else:
-                lower[i, i] = 1 / math.sqrt(pivot.real)
-                product *= pivot.real / limit
-    return math.log(product)
-
-
-@within
-def size(number: complex) -> float:
-    """|Re| + |Im|, which is fast."""
-    return abs(number.real) + abs(number.imag)
-
-
-@within
-def invert(matrix: Array, inverse: Array) -> None:
-    """Write the inverse of a small complex matrix (m, m), which is spoilt; by Gauss and Jordan."""
-    m = len(matrix)
-    for i in range(m):
-        for j in range(m):
-            inverse[i, j] = 1.0 if i == j else 0.0
-    for i in range(m):
-        pivot = i
-        for j in range(i + 1, m):
-            if size(matrix[j, i]) > size(matrix[pivot, i]):
-                pivot = j
-        for j in range(m):
-            matrix[i, j], matrix[pivot, j] = matrix[pivot, j], matrix[i, j]
-            inverse[i, j], inverse[pivot, j] = inverse[pivot, j], inverse[i, j]
-        over = 1.0 / matrix[i, i]
-        for j in range(m):
-            matrix[i, j] *= over
-            inverse[i, j] *= over
-        for row in range(m):
-            if row != i:
-                factor = matrix[row, i]
-                for j in range(m):
-                    matrix[row, j] -= factor * matrix[i, j]
-                    inverse[row, j] -= factor * inverse[i, j]
+                for lane in range(LANES):
+                    positive, value = pivot[lane].real > 0.0, pivot[lane].real
+                    pivot[lane] = 1 / math.sqrt(value if positive else 1.0)
+                    left[lane] *= value / limit if positive else 0.0

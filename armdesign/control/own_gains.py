@@ -54,8 +54,7 @@ class OwnGains:
         units, limit = task.controller(*map(np.ones, task.shapes)), 1 / (SPARE * task.aim.margin)
         self._units = np.concatenate([units.position, units.pressure], axis=1)
         near = max(1 - 0.25 / limit**2, 1e-9) ** self._units.shape[1] / FAR
-        worst = np.zeros(len(self._units), dtype=int)
-        self._sight = Sight.of(task.loops, units, limit, near, worst)
+        self._sight = Sight.of(task.loops, units, limit, near)
         self.x, self.scores = np.zeros(self._units.shape), np.full(len(self._units), -np.inf)
 
     def improve(self, within: Array, starts: Array, leaders: int = 1) -> None:
@@ -86,7 +85,7 @@ class OwnGains:
         held, rows = np.full(x.shape, np.nan), np.arange(len(x))
         for share in SHARES:
             less = x[rows] + math.log(share)
-            holds = self._look(rows, less).holds
+            holds = self._look(rows, less, sloped=False).holds
             held[rows[holds]] = less[holds]
             rows = rows[~holds]
         return held
@@ -97,7 +96,7 @@ class OwnGains:
         rows = np.flatnonzero(np.isfinite(begin + end).all(axis=1))
         for share in WAY:
             tried = begin[rows] + share * (end[rows] - begin[rows])
-            seen = self._look(poses[rows], tried)
+            seen = self._look(poses[rows], tried, sloped=False)
             rows, holding = rows[seen.holds], seen.at(seen.holds)
             x[rows], scores[rows] = tried[seen.holds], holding.score(LAST)
         return x, scores
@@ -118,7 +117,7 @@ class OwnGains:
             slope, curvature = seen.model(tau[rows])
             step = _steps(slope, curvature, trust[rows])
             tried = np.minimum(x[rows] + step, MOST)
-            other = self._look(poses[rows], tried)
+            other = self._look(poses[rows], tried, sloped=steps + 1 < most)
             gained = other.value(tau[rows]) - seen.value(tau[rows])
             up = gained > 0
             seen, x[rows[up]] = other.where(up, seen), tried[up]
@@ -136,9 +135,9 @@ class OwnGains:
             rows, seen = rows[on], seen.at(on)
         return top, best
 
-    def _look(self, poses: Array, x: Array) -> Seen:
-        """What is seen of poses (m,) with gains of logarithms x (m, nq + nc)."""
-        return self._sight.seen(poses, self._units[poses] * np.exp(x))
+    def _look(self, poses: Array, x: Array, *, sloped: bool = True) -> Seen:
+        """What is seen of poses (m,) with gains of logarithms x (m, nq + nc); slopes if wanted."""
+        return self._sight.seen(poses, self._units[poses] * np.exp(x), sloped=sloped)
 
 
 def neighbours(q: Array) -> Array:

@@ -194,13 +194,9 @@ class ControlledPlant:
         state = np.ascontiguousarray(state, dtype=float)
         if state.shape != self.start.shape:
             raise ValueError(f"states {state.shape}: not {self.start.shape}")
-        cases, actuators = self._cases, self.plant.parameters.actuators
-        instant = PlantInstant(np.empty_like(state), *cases.outputs)
-        demands = self._demands(time, self.demands)
-        self._run(_correct, demands, state, actuators, self.gains, cases.commands)
-        self._run(evaluate_cases, state, cases.commands, *cases.equations, instant)
-        self._run(_follow, state, self.gains, self.places, self.corners, instant)
-        return instant.rates
+        rates = np.empty_like(state)
+        self._run(_evaluate, state, self._demands(time, self.demands), self._cases, rates)
+        return rates
 
     def take_steps(self, most: int, steps: Steps) -> tuple[int, int]:
         """Take steps, at most so many, until a case has halted: how many, and cases halted.
@@ -304,6 +300,12 @@ def _take_steps(most: int, steps: Steps, demands: Array, cases: Cases) -> tuple[
     return most, 0
 
 
+@borrowing
+def _evaluate(state: Array, demand: Array, cases: Cases, rates: Array) -> None:
+    """As ``_write_rates``, to be called from Python."""
+    _write_rates(state, demand, cases, rates)
+
+
 @within
 def _write_rates(state: Array, demand: Array, cases: Cases, rates: Array) -> None:
     """Write the rates of all cases at states (n, size), under demands (n, nc)."""
@@ -331,7 +333,7 @@ def _correct(
                 corrected[case, i] = spool_position(actuators[m, i], share)
 
 
-@borrowing
+@within
 def _follow(
     state: Array, gains: Array, places: Array, corners: Array, instant: PlantInstant
 ) -> None:

@@ -135,7 +135,12 @@ class Lines:
         """(z/ϱ)^k at any s (·, DEGREE + 1)."""
         edges = np.log(self.edges)
         z = (np.log(np.abs(s)) - edges.mean()) / (np.ptp(edges) / 2)
-        return np.asarray((z / REACH)[:, None] ** np.arange(DEGREE + 1))
+        return np.vander(z / REACH, DEGREE + 1, increasing=True)
+
+    @cached_property
+    def whitened(self) -> dict[float, tuple[float, Array, Array]]:
+        """What ``_Regression`` makes of the lines by λ, as far as it has."""
+        return {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,8 +218,8 @@ def answers(lines: Lines, starts: Array) -> list[Answer]:
 
 def with_known_modes(lines: Lines, poles: Array) -> Answer:
     """The likeliest answer of a few λ for modes (m, 2) that are known: ω and ζ."""
-    known = (_Regression(lines, ratio, len(poles)).answer(poles, rounds=0) for ratio in COARSE)
-    return max(known, key=evidence)
+    known = (_Regression(lines, ratio, len(poles)).fit(poles, rounds=0) for ratio in COARSE)
+    return max(known, key=evidence).answer()
 
 
 def weights_of(fits: list[Answer]) -> Array:
@@ -224,15 +229,15 @@ def weights_of(fits: list[Answer]) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def evidence(answer: Answer) -> float:
+def evidence(answer: Answer | _Fit) -> float:
     """Its logarithm."""
     return answer.evidence
 
 
 def _coarse(
     lines: Lines, starts: Array, neighbours: tuple[float, ...], known: list[Answer]
-) -> list[Answer]:
-    """Answers after a few rounds, at some λ."""
+) -> list[_Fit]:
+    """Fits after a few rounds, at some λ."""
     modes, ratios = starts.shape[1], list(COARSE)
     if neighbours:
         best = max(known, key=evidence)
@@ -241,19 +246,21 @@ def _coarse(
         ratios = [best.ratio, best.ratio / 100]
     coarse = []
     for ratio in ratios:
-        fit = _Regression(lines, ratio, modes)
-        coarse.append(fit.answer(starts[int(np.argmin(fit.costs(starts)))], FEW_ROUNDS))
+        regression = _Regression(lines, ratio, modes)
+        start = starts[int(np.argmin(regression.costs(starts)))]
+        coarse.append(regression.fit(start, FEW_ROUNDS))
     return coarse
 
 
-def _over_ratios(lines: Lines, first: Answer, best: float) -> list[Answer]:
+def _over_ratios(lines: Lines, first: _Fit, best: float) -> list[Answer]:
     """Answers for larger and smaller λ, decade by decade, until they are negligible."""
-    decade = min(max(round(math.log10(first.ratio)), DECADES[0]), DECADES[1])
-    fitted = [_Regression(lines, 10.0**decade, first.modes).answer(first.poles)]
+    modes = first.regression.modes
+    decade = min(max(round(math.log10(first.regression.ratio)), DECADES[0]), DECADES[1])
+    fitted = [_Regression(lines, 10.0**decade, modes).fit(first.poles).answer()]
     for way in (range(decade + 1, DECADES[1] + 1), range(decade - 1, DECADES[0] - 1, -1)):
         last = fitted[0]
         for k in way:
-            last = _Regression(lines, 10.0**k, first.modes).answer(last.poles)
+            last = _Regression(lines, 10.0**k, modes).fit(last.poles).answer()
             fitted.append(last)
             if last.evidence < max(best, *map(evidence, fitted)) - NEGLIGIBLE / TEMPER:
                 break
@@ -284,20 +291,20 @@ class _BestNumerators:
         triangle[each, each] += 1e-13 * (np.abs(triangle[each, each]) < 1e-13)
         return np.asarray(lapack.dtrtrs(triangle, self.share)[0])
 
+    def spare(self, slopes: Array) -> int:
+        """How many more equations there are than unknowns, the poles of some slopes among them."""
+        return len(self.left) - self.basis.shape[1] - slopes.shape[1]
+
 
 class _Regression:
     """Least squares under the covariance I + λ C Cᵀ of noise and residual terms."""
 
     def __init__(self, lines: Lines, ratio: float, modes: int) -> None:
-        u, size, _ = lines.residual_terms
         self.lines, self.ratio, self.modes = lines, ratio, modes
-        # logarithm of the covariance's determinant
-        self.inflation = np.log1p(ratio * size**2).sum()
-        shrinkage = 1 - 1 / np.sqrt(1 + ratio * size**2)
-        counts = shrinkage > 0  # what is smaller than rounding leaves all as it is
-        # (I + λ C Cᵀ)^(−½)
-        self.white = np.eye(len(u)) - (u[:, counts] * shrinkage[counts]) @ u[:, counts].T
-        self.y = self.white @ lines.observed
+        if ratio not in lines.whitened:
+            lines.whitened[ratio] = _whitened(lines, ratio)
+        # logarithm of the covariance's determinant, (I + λ C Cᵀ)^(−½), and that times the output
+        self.inflation, self.white, self.y = lines.whitened[ratio]
 
     def problem(self, poles: Array) -> Problem:
         """The search for poles near some (m, 2), modes about the band, neighbours beside it."""
@@ -344,40 +351,20 @@ class _Regression:
         slopes = self.white @ real(both.reshape(len(q), -1))
         return np.asarray(slopes - now.basis @ (now.basis.T @ slopes))
 
-    def answer(self, poles: Array, rounds: int = ROUNDS) -> Answer:
+    def fit(self, poles: Array, rounds: int = ROUNDS) -> _Fit:
         """Fit by Levenberg and Marquardt's method on ω and ζ, from some ``poles``.
 
         The numerators are eliminated (Golub & Pereyra 1973).
         """
         found = best_poles(self.problem(poles), poles, rounds)
-        return self._with_covariance(found, self.best_numerators(found))
+        now = self.best_numerators(found)
+        slopes = self.slopes(found, now)
+        return _Fit(self, found, now, slopes, self._likelihood(now, slopes))
 
-    def _with_covariance(self, poles: Array, now: _BestNumerators) -> Answer:
-        slopes = self.slopes(poles, now)
-        scale = np.sqrt(np.einsum("ij,ij->j", slopes, slopes)) + 1e-300
-        inverse = _inverse_of_normal(slopes / scale) / (scale[:, None] * scale)
-        spare = len(now.left) - now.basis.shape[1] - slopes.shape[1]
-        variance = now.cost / spare
-        order = np.argsort(poles[: self.modes, 0])
-        kept = (2 * order[:, None] + np.arange(2)).ravel()
-        order = np.concatenate([order, np.arange(self.modes, len(poles))])
-        gain = self.white @ (slopes @ inverse[:, kept])
-        tails = variance * spare / max(spare - 2, 1)  # variance of Student's distribution
-        return Answer(
-            poles=poles[order],
-            modes=self.modes,
-            ratio=self.ratio,
-            covariance=tails * inverse[kept[:, None], kept],
-            noise=tails * (gain.T @ gain),
-            evidence=self._likelihood(now, slopes, variance, spare),
-            numerators=(now.numerators / now.sizes).reshape(len(poles), -1)[order],
-            remainder=self.lines.observed - real(now.columns) @ now.numerators,
-        )
-
-    def _likelihood(
-        self, now: _BestNumerators, slopes: Array, variance: float, spare: int
-    ) -> float:
+    def _likelihood(self, now: _BestNumerators, slopes: Array) -> float:
         """Logarithm of the evidence, numerators and poles integrated over usual sizes."""
+        spare = now.spare(slopes)
+        variance = now.cost / spare
         poles, usual = slopes.shape[1] // 2, self.lines.usual_sizes
         prior = np.concatenate([usual[0]] * self.modes + [usual[1]] * (poles - self.modes))
         linear = _determinant(np.triu(now.factors) * (prior / math.sqrt(variance)))
@@ -387,6 +374,47 @@ class _Regression:
         likelihood = -0.5 * (len(self.y) * math.log(variance) + spare + determinants)
         likelihood += 2 * self.lines.log_weight  # of the output itself, not weighted
         return float(likelihood - 0.5 * (math.log(size / USUAL) / SPREAD) ** 2)
+
+
+def _whitened(lines: Lines, ratio: float) -> tuple[float, Array, Array]:
+    """What is the same for all poles under one λ, see ``_Regression``."""
+    u, size, _ = lines.residual_terms
+    shrinkage = 1 - 1 / np.sqrt(1 + ratio * size**2)
+    counts = shrinkage > 0  # what is smaller than rounding leaves all as it is
+    white = np.eye(len(u)) - (u[:, counts] * shrinkage[counts]) @ u[:, counts].T
+    return float(np.log1p(ratio * size**2).sum()), white, white @ lines.observed
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Poles that a regression has found: numerators, slopes by poles, and the evidence."""
+
+    regression: _Regression
+    poles: Array
+    now: _BestNumerators
+    slopes: Array
+    evidence: float
+
+    def answer(self) -> Answer:
+        """The modes ascending, with all that few fits are asked for."""
+        one, now, slopes, modes = self.regression, self.now, self.slopes, self.regression.modes
+        scale = np.sqrt(np.einsum("ij,ij->j", slopes, slopes)) + 1e-300
+        inverse = _inverse_of_normal(slopes / scale) / (scale[:, None] * scale)
+        order = np.argsort(self.poles[:modes, 0])
+        kept = (2 * order[:, None] + np.arange(2)).ravel()
+        order = np.concatenate([order, np.arange(modes, len(self.poles))])
+        gain = one.white @ (slopes @ inverse[:, kept])
+        tails = now.cost / max(now.spare(slopes) - 2, 1)  # variance of Student's distribution
+        return Answer(
+            poles=self.poles[order],
+            modes=modes,
+            ratio=one.ratio,
+            covariance=tails * inverse[kept[:, None], kept],
+            noise=tails * (gain.T @ gain),
+            evidence=self.evidence,
+            numerators=(now.numerators / now.sizes).reshape(len(order), -1)[order],
+            remainder=one.lines.observed - real(now.columns) @ now.numerators,
+        )
 
 
 def _inverse_of_normal(columns: Array) -> Array:
