@@ -203,10 +203,14 @@ def _fits(value: Any, kind: ast.expr) -> bool:
         case ast.Constant(value=None):
             return value is None
         case ast.Name(id=name) if name in TYPES:
+            if name in ("int", "float") and isinstance(value, bool):
+                return False
             huge = isinstance(value, int) and abs(value) > sys.float_info.max  # is no float
             return isinstance(value, TYPES[name][0]) and not (huge and name == "float")
         case ast.Name(id=name) | ast.Attribute(attr=name) if name in MADE_BY:
             return any(of.__name__ == name for of in type(value).__mro__)
+        case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable")) if isinstance(value, str):
+            return False  # though it is a sequence of letters
         case ast.Subscript(value=of, slice=ast.Tuple(elts=[key, item])) if isinstance(value, dict):
             return _fits(value, of) and all(_fits(k, key) and _fits(value[k], item) for k in value)
         case ast.Subscript(value=of, slice=ast.Tuple(elts=items)) if isinstance(value, LISTS):

@@ -207,8 +207,8 @@ def loop_plant(
     """
     ratio = checked_damping(damping)
     if not 0 <= delay < math.inf:
-        fault = f"{delay / ms:g} ms is not a time of 0 ms or more"
-        raise ArmDesignError("delay", fault, "give one as --delay 20 (in Python delay=0.02)")
+        remedy = "give one as --delay 20 (in Python and studies delay = 0.02)"
+        raise ArmDesignError("delay", f"{delay / ms:g} ms is not a time of 0 ms or more", remedy)
     models = linear_models(controllable(machine, ratio is not None), poses.q)
     matrices = models.state_matrix_in_bar
     modes, k, nc = natural_modes(poses), poses.mass_matrix.shape[1], len(machine.actuators)

@@ -84,7 +84,7 @@ def refuse_undamped(machine: Machine, ratios: Array, q: Array) -> None:
         f" payload {machine.payload.name}: no bandwidth can rest on that"
     )
     remedy = (
-        "state it, as --damping 0.02 (in Python damping=0.02; a measured crane), or give viscous"
-        " friction or leakage"
+        "state it, as --damping 0.02 (in Python and studies damping = 0.02; a measured crane), or"
+        " give viscous friction or leakage"
     )
     raise ArmDesignError(f"{machine.name}: damping", fault, remedy)

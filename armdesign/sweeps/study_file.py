@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from armdesign.design.catalogue.sizes import read_sizes
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.file import machine_file
 from armdesign.machine.file.toml_reading import read_toml
@@ -42,12 +43,23 @@ def read_study(path: Path, load: Callable[[str | Path], Machine]) -> dict[str, A
     task_named(data.get("task", "map"))
     names = data["machine"] if isinstance(data["machine"], list) else [data["machine"]]
     machines = [load(_machine(name, path)) for name in names]
-    plain = ("task", "payloads", "points", "requirements", "options", "outputs")
+    plain = ("task", "payloads", "points", "requirements", "outputs")
     return {
         "machine": machines,
         **_changes(data, path),
         **{key: data[key] for key in plain if key in data},
+        **({"options": _options(data["options"], path)} if "options" in data else {}),
     }
+
+
+def _options(options: Any, path: Path) -> Any:
+    """Options of a study, or sets of them, with the sizes of a catalogue that is a file."""
+    if isinstance(options, list):
+        return [_options(one, path) for one in options]
+    name = options.get("catalogue") if isinstance(options, dict) else None
+    if not (isinstance(name, str) and name.lower().endswith(".csv")):
+        return options
+    return options | {"catalogue": [list(pair) for pair in read_sizes(path.parent / name)]}
 
 
 def _check(data: Mapping[str, Any], name: str) -> None:
@@ -68,7 +80,7 @@ def _check(data: Mapping[str, Any], name: str) -> None:
 
 def _machine(name: Any, path: Path) -> str | Path:
     """Name of a shipped machine, or path of another, which is from the folder of the study."""
-    if not isinstance(name, str):
+    if not isinstance(name, str) or not name:
         remedy = "give names or paths"
         raise ArmDesignError(f"{path.name}: machine", f"{name!r} is no machine", remedy)
     beside = path.parent / name

@@ -125,11 +125,13 @@ def sweep(
                           100     10.54
                           200      7.45
     """
-    refuse_unless("outputs", more["outputs"], "Sequence[str] | None")  # are used at the end
+    for name in ("outputs", "payloads"):
+        refuse_unless(name, more[name], "Sequence[str] | None")
     chosen = _changes(changes, more)
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
         refuse_options(task, one)
+    shared, sets = _plain(shared), [_plain(one) for one in sets]
     for name in {name for one in sets for name in one}.intersection(COLUMNS):
         fault = "is the name of another column"
         raise ArmDesignError(f"options.{name}", fault, "give it another name")
@@ -364,7 +366,12 @@ def _changes(
     refuse_many(len(chosen) * len(sets))
     for path in {p for one in chosen for p in one} & {p for rules in sets for p in rules}:
         raise ArmDesignError(path, "is given in changes and in requirements", "give it once")
-    return [{**changes, **rules} for changes in chosen for rules in sets]
+    return [_plain({**changes, **rules}) for changes in chosen for rules in sets]
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by name, NumPy's numbers and arrays as Python's."""
+    return {k: v.tolist() if hasattr(v, "tolist") else v for k, v in values.items()}
 
 
 def _cases(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from armdesign.arguments import refuse_unless
 from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.maps import frequency_map
 from armdesign.frequency.workspace import Workspace
@@ -26,22 +27,26 @@ def map_(machine: Machine, workspace: Workspace) -> Numbers:
 def design(
     machine: Machine,
     workspace: Workspace,
-    vary: tuple[str, ...] = ("areas", "pins"),
+    vary: str | Sequence[str] = ("areas", "pins"),
     starts: int | None = None,
     seed: int = 0,
     objective: str = "gain",
-    catalogue: str | None = None,
+    catalogue: str | Sequence[Sequence[float]] | None = None,
     damping: float | None = None,
 ) -> Numbers:
-    """Worst frequency today and of the best machine [Hz], its gains, and every changed number."""
+    """Worst frequency today and of the best machine [Hz], its gains, and every changed number.
+
+    ``vary``: a list, or words with commas as on the command line.
+    """
     from armdesign.design.optimize import size_cylinders
     from armdesign.optimization import only_sizes, optimize
 
+    vary = tuple(vary.replace(",", " ").split() if isinstance(vary, str) else vary)
     if only_sizes(vary, objective, damping):
         best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)
     else:
         best = optimize(
-            machine, workspace, vary=tuple(vary), starts=starts, seed=seed, objective=objective,
+            machine, workspace, vary=vary, starts=starts, seed=seed, objective=objective,
             catalogue=catalogue, damping=damping,
         )  # fmt: skip
     return numbers.of_design(best)
@@ -83,6 +88,9 @@ def simulate(
     name = cylinder or names[0]
     if name not in names:
         raise ArmDesignError("cylinder", f'there is no "{name}"', choose(name, names))
+    if not -1.0 <= opening <= 1.0:
+        fault = f"{opening:g} is not allowed"
+        raise ArmDesignError("opening", fault, "give a number from −1 to 1")
     command = {name: Step(size=opening, end=pulse)}
     run = simulated(machine, worst.q, command=command, duration=duration, payload=worst.payload)
     largest = (run.pressures.max(axis=(0, 2)) / bar).tolist()
@@ -127,7 +135,7 @@ def identity_of(task: str | Task) -> str:
 
 
 def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
-    """Raise for options that a task does not have."""
+    """Raise for options that a task does not have, or of another kind than one of ours takes."""
     if not isinstance(options, Mapping):
         raise ArmDesignError("options", f"{options!r} is no set", "give values by name")
     function = task_named(task) if isinstance(task, str) else task
@@ -139,3 +147,5 @@ def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
         if name not in known:
             remedy = choose(name, known) if known else "leave it out"
             raise ArmDesignError(f"options.{name}", "is no option of the task", remedy)
+        if isinstance(task, str):
+            refuse_unless(f"options.{name}", options[name], parameters[name].annotation)

@@ -127,7 +127,7 @@ def fault_of_line(line: str, column: int) -> tuple[str, int, str] | None:
         comma = number.start(1) + number[1].index(",") + 1
         return f"a decimal comma in {number[1]}", comma, with_point(number[1])
     number, unit = _AT_END.search(line[: column - 1]), _UNIT.match(line, column - 1)
-    if number and unit and not (number[1] == "0" and unit[0][0] in "xob"):
+    if number and unit and not _other_notation(number[1], unit[0]):
         remedy = _without_unit(number[1], unit[0], line[: number.start(1)])
         return f"a unit behind the number {number[1]}", column, remedy
     return None
@@ -168,10 +168,15 @@ def number_meant(text: str, unit: str) -> tuple[str, str]:
         return "points and commas, and a text", f"write {without_groups(text)}"
     if _COMMA.fullmatch(text):
         return "decimal comma, and a text", with_point(text)
-    if match := _NUMBER.fullmatch(text):
+    if (match := _NUMBER.fullmatch(text)) and not _other_notation(match[1], match[2] or ""):
         alone = f"write the number alone, in {unit}" if match[2] and unit else ""
         return "", f"{alone or 'write it without quotes'}: {match[1]}"
     return "", ""
+
+
+def _other_notation(number: str, rest: str) -> bool:
+    """Whether what follows digits is no unit but more of a number, as in 6_0 and 0x3c."""
+    return rest.startswith("_") or (number == "0" and rest.startswith(("x", "o", "b")))
 
 
 # ----------------------------------------------------------------------------------- lines of keys
