@@ -127,6 +127,9 @@ def sweep(
     """
     for name in ("outputs", "payloads"):
         refuse_unless(name, more[name], "Sequence[str] | None")
+    if workspace is not None and points is not None:
+        fault = "goes not with workspace, which has poses of its own"
+        raise ArmDesignError("points", fault, "leave one out")
     chosen = _changes(changes, more)
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):

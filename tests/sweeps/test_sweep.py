@@ -28,6 +28,7 @@ from armdesign.sweeps.study_file import read_study
 from armdesign.sweeps.sweep import files_of
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
+POSES = ad.Workspace.grid(ad.load("paper_1dof"), 2)
 WRONG = {**MODULI, "cylinder.lift.stroke_mm": [200.0, -5.0]}
 
 
@@ -322,6 +323,7 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"task": scaled, "options": [{"factor": object()}]}, "cannot be written down"),
         ({"workers": 0}, "whole number"),
         ({"points": 3.5}, "points: 3.5 is not allowed"),
+        ({"points": 3, "workspace": POSES}, "points: goes not with workspace"),
         ({"changes": {"a": (1, 2)}, "sobol": 4, "seed": -1}, "seed: -1 is not allowed"),
         ({"points": 3, "outputs": ["worst_hz", "worst"]}, "no case has 'worst'"),
         ({"machine": ["paper_1dof", "paper_1dof"]}, "one name"),
