@@ -55,7 +55,7 @@ class FittedMode(SweptMode):
         fit: the response, measured and fitted.
         fitted_mode: index of this mode among the modes of the fit.
         on_resonance: measured response at the identified frequency and the lines beside it (2, m),
-            [Hz] and magnitude; to draw.
+            [Hz] and magnitude; to draw. None (2, 0) with friction, which no picture shows.
         peak: where the plain spectrum of the speed is highest near the mode [Hz]. For comparison
             only: short sweeps (see ``sweep_bias``) and neighbouring modes bias it.
         mean: mean pose during the sweep (nq,).

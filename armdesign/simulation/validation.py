@@ -298,6 +298,7 @@ class PlannedSweep:
 
     sweep: SweptMode
     experiment: Experiment
+    drawn: bool  # whether a picture shows it
 
     @property
     def case(self) -> SimulationCase:
@@ -314,12 +315,14 @@ class PlannedSweep:
         except SimulationError as error:
             return Failure(**sweep, error=error)
         mode = int(np.argmin(np.abs(fit.natural_frequencies - self.experiment.target)))
-        frequency = float(fit.natural_frequencies[mode])
+        frequency, on_resonance = float(fit.natural_frequencies[mode]), np.zeros((2, 0))
+        if self.drawn:
+            on_resonance = self.experiment.on_resonance(motion, fit, frequency)
         return FittedMode(
             **sweep,
             fit=fit,
             fitted_mode=mode,
-            on_resonance=self.experiment.on_resonance(motion, fit, frequency),
+            on_resonance=on_resonance,
             peak=peak,
             mean=motion.q.mean(axis=0),
             span=np.ptp(motion.q, axis=0),
@@ -382,7 +385,7 @@ def _group(
     damping = float(linear.damping_ratios[nearest[0]]) if len(nearest) else 1.0
     sweep = dataclasses.replace(sweep, frequency_at_rest=experiment.target, linear_damping=damping)
     return [
-        PlannedSweep(dataclasses.replace(sweep, amplitude=size), version)
+        PlannedSweep(dataclasses.replace(sweep, amplitude=size), version, version is versions[0])
         for version in versions
         for size in (full, full / 2)
     ]
