@@ -106,7 +106,7 @@ def test_no_bandwidth_rests_on_no_damping() -> None:
     machine = ad.load("paper_1dof")
     with pytest.raises(ad.ArmDesignError, match="no bandwidth can rest on that") as caught:
         ad.bandwidth_map(machine)
-    assert "--damping 0.02 (in Python damping=0.02" in str(caught.value)
+    assert "--damping 0.02 (in Python and studies damping = 0.02" in str(caught.value)
     assert (ad.bandwidth_map(machine, damping=0.02).frame["own_hz"] > 0).all()
 
 
