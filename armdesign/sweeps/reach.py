@@ -205,12 +205,22 @@ def _written(value: Any) -> Any:
     if not isinstance(parts, str):
         if kind is object:
             raise TypeError("is nothing but itself")
-        return tuple(list(one) if isinstance(one, Iterator) else one for one in parts)
+        return [_plain(kind, one) for one in parts]
     if module_of(kind) != "typing" and not installed(sys.modules.get(module_of(value))):
         raise TypeError("is a name of the user's")
     if isinstance(value, np.ufunc) and " (" in parts:
         raise TypeError("is the name of a function that np.frompyfunc hides")
     return parts, module_of(value), value.__getstate__()
+
+
+def _plain(kind: type, part: Any) -> Any:
+    """Part of a pickle: listed, and without what an installed class computes of the others."""
+    if isinstance(part, Iterator):
+        return list(part)
+    if not isinstance(part, dict) or not installed(sys.modules.get(module_of(kind))):
+        return part
+    computed = {k for k in part if isinstance(getattr(kind, str(k), None), cached_property)}
+    return {key: one for key, one in part.items() if key not in computed}
 
 
 def _contents(cell: Any) -> list[Any]:

@@ -335,6 +335,20 @@ def test_what_the_task_itself_holds_has_to_be_written_down(made: Made, text: str
         identity_of_function(made({"reached_h": HOLDER, "reached_task": text}))
 
 
+def test_what_a_result_has_computed_of_itself_decides_nothing() -> None:
+    machine = ad.load("paper_1dof")
+    result = ad.frequency_map(machine, ad.Workspace.grid(machine, points=3))
+
+    def task(machine: Any, workspace: Any) -> Any:
+        return {"x": len(result.frame)}
+
+    before = identity_of_function(task)
+    assert "frame" not in vars(result)
+    task(None, None)
+    assert "frame" in vars(result)
+    assert identity_of_function(task) == before
+
+
 def test_what_numba_compiles_is_known_by_its_function() -> None:
     def identity(text: str) -> str:
         space: dict[str, Any] = {"njit": numba.njit}
