@@ -24,7 +24,10 @@ def module_of(value: Any) -> str:
 
 def called(value: Any) -> str:
     """Name of a function or class within its module; none of other objects."""
-    return str(getattr(value, "__qualname__", getattr(value, "__name__", "")))
+    try:
+        return str(getattr(value, "__qualname__", getattr(value, "__name__", "")))
+    except Exception:  # whatever an object's own code raises
+        return ""
 
 
 def home_of(value: Any) -> ModuleType | None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import copyreg
 import hashlib
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from functools import cached_property, lru_cache, partial, singledispatch
 from pathlib import Path
@@ -65,7 +66,7 @@ def identity_of_function(function: Callable[..., Any]) -> str:
     """
     reached = _Reached(function)
     try:
-        found = reached.of(function, reached.name)
+        found = reached.all_of(function, reached.name)
         return canonical([found, reached.texts()])
     except RecursionError:
         fault, remedy = "reaches values within values without end", "give numbers as options"
@@ -80,6 +81,15 @@ class _Reached:
         self._task = task
         self._seen = seen or {}  # with the things, lest another one gets the address
         self._files: set[str] = set()
+        self._waiting: deque[tuple[Any, str, str]] = deque()  # functions, classes and modules
+
+    def all_of(self, value: Any, name: str, file: str = "") -> list[Any]:
+        """Identity of a value, then of the functions, classes and modules that it reaches."""
+        found = [self.of(value, name, file)]
+        while self._waiting:  # one after another: they may form long chains
+            one, *how = self._waiting.popleft()
+            found.append([self._seen[id(one)][0], *self._inside(one, *how)])
+        return found
 
     def of(self, value: Any, name: str, file: str = "") -> Any:
         """Identity of a value that is known by a name, in a module of the user's with a file."""
@@ -99,12 +109,9 @@ class _Reached:
         home = home_of(value)
         if home and installed(home):
             return [home.__name__, called(value)]
-        if kind is FunctionType:
-            return list(self._of_function(value, file, home))
-        if isinstance(value, type):
-            return list(self._of_class(value, file, home))
-        if isinstance(value, ModuleType):
-            return list(self._of_module(value))
+        if isinstance(value, FunctionType | type | ModuleType):
+            self._waiting.append((value, name, file))
+            return self._seen[id(value)][0]
         if kind in PARTS:
             return [kind.__name__, *(self.of(getattr(value, p), name, file) for p in PARTS[kind])]
         return self._of_object(value, name, file)
@@ -123,7 +130,7 @@ class _Reached:
         for file in map(Path, self._files | own):
             if not file.is_file() or file.stat().st_mtime > _BEGAN:
                 fault = (
-                    f"reaches what cannot be written down, and {file.name} is newer than this run"
+                    f"reaches what has no text but {file.name}, and that is newer than this run"
                 )
                 raise ArmDesignError(self.name, fault, "start Python anew")
             texts.append(hashlib.sha256(file.read_bytes()).hexdigest())
@@ -132,39 +139,46 @@ class _Reached:
     def _apart(self, value: Any, name: str, file: str) -> str:
         """Identity of one of a set, whichever of them come before it."""
         apart = _Reached(self._task, dict(self._seen))
-        found = canonical(apart.of(value, name, file))
+        found = canonical(apart.all_of(value, name, file))
         self._files |= apart._files
         return found
 
-    def _of_function(
-        self, function: FunctionType, file: str, home: ModuleType | None
-    ) -> Iterator[Any]:
+    def _inside(self, value: Any, name: str, file: str) -> Iterator[Any]:
+        if isinstance(value, FunctionType):
+            return self._of_function(value, name, file)
+        if isinstance(value, type):
+            return self._of_class(value, name, file)
+        return self._of_module(value)
+
+    def _of_function(self, function: FunctionType, name: str, file: str) -> Iterator[Any]:
         code, space = function.__code__, function.__globals__
         yield [space.get("__name__", ""), code.co_qualname]
         if code is DISPATCHER:
-            yield self.of(dict(vars(function)["registry"]), function.__qualname__, file)
+            yield self.of(dict(vars(function)["registry"]), name, file)
             return
         whole = "" if function is self._task else space.get("__file__", "")
-        held = file or (whole if home else "")
+        held = file or (whole if home_of(function) else "")
         inside = function.__defaults__, function.__kwdefaults__, vars(function)
-        yield self.of(inside, function.__qualname__, held)
-        for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
-            yield [self.of(one, name, held) for one in _contents(cell)]
-        if installed(sys.modules.get(space.get("__name__", ""))):
+        yield self.of(inside, name, held)
+        for free, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+            yield [self.of(one, free, held) for one in _contents(cell)]
+        module = sys.modules.get(space.get("__name__", ""))
+        if module and vars(module) is space and installed(module):
             return
-        yield self.of(code, function.__qualname__)
-        for name in sorted(names_read_by(code)):
-            if name in space:
-                yield [name, self.of(space[name], name, file or whole)]
+        yield self.of(code, name)
+        for read in sorted(names_read_by(code)):
+            if read in space:
+                yield [read, self.of(space[read], read, file or whole)]
         for module in imported_by(code, space):
-            yield self.of(module, function.__qualname__)
+            yield self.of(module, name)
 
-    def _of_class(self, kind: type, file: str, home: ModuleType | None) -> Iterator[Any]:
+    def _of_class(self, kind: type, name: str, file: str) -> Iterator[Any]:
         yield [module_of(kind), kind.__qualname__]
         if not kind.__flags__ & HEAP:
             return
+        home = home_of(kind)
         held = file or (home and vars(home).get("__file__")) or ""
-        yield self.of((type(kind), *kind.__bases__), kind.__qualname__, held)
+        yield self.of((type(kind), *kind.__bases__), name, held)
         for key, one in sorted(vars(kind).items()):
             if key not in BESIDE:
                 yield [key, self.of(one, key, held)]

@@ -154,6 +154,7 @@ OBJECTS = {
     "number": ("class N(int): pass\nX = N(3)\nX.more = NN\n", "h.X.more"),
     "variable": ("import contextvars\nX = contextvars.ContextVar('X', default=NN)\n", "h.X.get()"),
     "locked": ("import threading\nX = [threading.Lock(), object(), NN]\n", "h.X[2]"),
+    "dict": ("class B(dict):\n    def __getattr__(s, k): return s[k]\nX = B(a=NN)\n", "h.X.a"),
     "lookup": ("X = {'a': NN}.get\n", "h.X('a')"),
     "cycle": ("X = {'a': NN}\nX['x'] = X\n", "h.X['x']['a']"),
     "wrapper": (
@@ -307,7 +308,7 @@ def test_files_newer_than_the_run_do_not_stand_for_what_they_hold(
     task = made({"reached_h": HOLDER, "reached_task": text})
     assert identity_of_function(task)
     os.utime(tmp_path / "reached_h.py", (time.time() + 1, time.time() + 1))
-    with pytest.raises(ad.ArmDesignError, match=r"h\.py is newer than this run; start"):
+    with pytest.raises(ad.ArmDesignError, match=r"h\.py, and that is newer than this run; start"):
         identity_of_function(task)
 
 
@@ -378,6 +379,24 @@ def test_values_without_end_are_refused() -> None:
         identity_of_function(lambda machine, workspace: {"x": len(deep)})
     while deep:  # else Python ends the whole chain at once
         deep = deep[0]
+
+
+def test_chains_of_functions_may_be_long() -> None:
+    space: dict[str, Any] = {"f0": 1}
+    for k in range(1000):
+        exec(f"def f{k + 1}(machine, workspace): return f{k}", space)
+    first = identity_of_function(space["f1000"])
+    space["f0"] = 2
+    assert identity_of_function(space["f1000"]) != first
+
+
+def test_a_file_may_have_the_name_of_an_installed_module() -> None:
+    found = set()
+    for number in "12":
+        space: dict[str, Any] = {"__name__": "numpy"}
+        exec(f"def task(machine, workspace): return {{'x': {number}}}", space)
+        found.add(identity_of_function(space["task"]))
+    assert len(found) == 2
 
 
 class Own:
