@@ -40,6 +40,12 @@ def home_of(value: Any) -> ModuleType | None:
     return module if found is value else None
 
 
+def file_of(space: Mapping[str, Any]) -> str:
+    """The file that made a module's globals; empty for what was typed."""
+    file = str(space.get("__file__") or "")
+    return file if Path(file).is_file() else ""
+
+
 def installed(module: ModuleType | None) -> bool:
     """Whether a module is Python's, this package's or an installed one, and not the user's."""
     if module is None or module.__name__ == "__main__":

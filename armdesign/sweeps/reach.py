@@ -26,6 +26,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.journal.keys import canonical
 from armdesign.sweeps.names import (
     called,
+    file_of,
     home_of,
     imported_by,
     installed,
@@ -125,13 +126,11 @@ class _Reached:
         if not self._files:
             return []
         modules = [m for m in list(sys.modules.values()) if isinstance(m, ModuleType)]
-        own = {str(m.__file__) for m in modules if vars(m).get("__file__") and not installed(m)}
+        own = {file_of(vars(m)) for m in modules if not installed(m)} - {""}
         texts = []
         for file in map(Path, self._files | own):
-            if not file.is_file() or file.stat().st_mtime > _BEGAN:
-                fault = (
-                    f"reaches what has no text but {file.name}, and that is newer than this run"
-                )
+            if file.stat().st_mtime > _BEGAN:
+                fault = f"reaches what only files tell, and {file.name} is newer than this run"
                 raise ArmDesignError(self.name, fault, "start Python anew")
             texts.append(hashlib.sha256(file.read_bytes()).hexdigest())
         return sorted(texts)
@@ -156,7 +155,7 @@ class _Reached:
         if code is DISPATCHER:
             yield self.of(dict(vars(function)["registry"]), name, file)
             return
-        whole = "" if function is self._task else space.get("__file__", "")
+        whole = "" if function is self._task else file_of(space)
         held = file or (whole if home_of(function) else "")
         inside = function.__defaults__, function.__kwdefaults__, vars(function)
         yield self.of(inside, name, held)
@@ -177,7 +176,7 @@ class _Reached:
         if not kind.__flags__ & HEAP:
             return
         home = home_of(kind)
-        held = file or (home and vars(home).get("__file__")) or ""
+        held = file or (file_of(vars(home)) if home else "")
         yield self.of((type(kind), *kind.__bases__), name, held)
         for key, one in sorted(vars(kind).items()):
             if key not in BESIDE:
@@ -186,9 +185,10 @@ class _Reached:
     def _of_module(self, module: ModuleType) -> Iterator[Any]:
         yield module.__name__
         if not installed(module):
+            file = file_of(vars(module))
             for key, one in sorted(vars(module).items()):
                 if key not in BESIDE:
-                    yield [key, self.of(one, key, vars(module).get("__file__") or "")]
+                    yield [key, self.of(one, key, file)]
 
     def _of_object(self, value: Any, name: str, file: str) -> Any:
         try:

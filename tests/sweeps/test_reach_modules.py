@@ -189,8 +189,15 @@ def test_files_newer_than_the_run_do_not_stand_for_what_they_hold(
     task = made({"reached_h": HOLDER, "reached_task": text})
     assert identity_of_function(task)
     os.utime(tmp_path / "reached_h.py", (time.time() + 1, time.time() + 1))
-    with pytest.raises(ad.ArmDesignError, match=r"h\.py, and that is newer than this run; start"):
+    with pytest.raises(ad.ArmDesignError, match=r"h\.py is newer than this run; start"):
         identity_of_function(task)
+
+
+def test_what_was_typed_has_no_file() -> None:
+    space: dict[str, Any] = {"__file__": "<stdin>", "__name__": "__main__"}
+    exec(f"{HOLDER}def task(machine, workspace): return {{'x': f()}}\n", space)
+    with pytest.raises(ad.ArmDesignError, match='reads "LOCK", a lock that cannot be written'):
+        identity_of_function(space["task"])
 
 
 def test_all_files_of_the_user_stand_for_what_one_holds(made: Made) -> None:
