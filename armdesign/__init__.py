@@ -13,6 +13,7 @@ Names load on first use, so that importing the package costs next to nothing.
 from __future__ import annotations
 
 import importlib
+import time
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -153,6 +154,7 @@ _HOME = {name: module for module, names in _NAMES.items() for name in names.spli
 
 __all__ = [*_HOME, "formulas", "units"]
 __version__ = "0.1.0"
+_BEGAN = time.time()  # files written later may differ from what was loaded
 
 
 def __getattr__(name: str) -> Any:

@@ -157,7 +157,7 @@ def own(tree: ast.Module) -> set[str]:
     modules = set()
     for name in imports(tree, drawing=False):
         words = name.split(".")
-        if words[0] == "armdesign" and words[1] != "__version__":
+        if words[0] == "armdesign" and words[1] not in ("__version__", "_BEGAN"):
             starts = (".".join(words[1:n]) for n in range(len(words), 1, -1))
             modules.add(next(start for start in starts if start in sources()))
     return modules

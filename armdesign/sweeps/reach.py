@@ -1,31 +1,62 @@
 """Identity of a user's function: its code, and all of the user's that it reaches.
 
-That is the functions, classes, modules and numbers which it names, and what these name in turn,
-as they are in memory: a file edited after it was loaded decides nothing. Of what is installed the
+That is the functions, classes, modules and values which it names, and what these name in turn, as
+they are in memory: a file edited after it was loaded decides nothing. Objects are known by their
+class and by what pickle writes down of them. For one that has nothing to write down, such as a
+lock, the files of the user's modules stand, if one of these holds it. Of what is installed the
 name is enough.
 """
 
 from __future__ import annotations
 
-import dis
-import importlib
-import inspect
+import copyreg
+import hashlib
 import sys
-import sysconfig
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
-from functools import lru_cache, partial
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import cached_property, lru_cache, partial, singledispatch
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
+from typing import Any, cast
 
 import numpy as np
 
+from armdesign import _BEGAN
 from armdesign.errors import ArmDesignError
 from armdesign.journal.keys import canonical
+from armdesign.sweeps.names import (
+    called,
+    file_of,
+    home_of,
+    imported_by,
+    installed,
+    module_of,
+    names_read_by,
+)
 
-GLOBALS = "LOAD_GLOBAL", "LOAD_NAME"
-KNOWN = bool, int, float, complex, str, bytes, type(None), type(...), Path
+ATOMS = bool, int, float, complex, str, bytes, type(None)
+PARTS: dict[type, tuple[str, ...]] = {  # of kinds of objects: all that decides what they do
+    CodeType: (
+        *("co_code", "co_exceptiontable", "co_consts", "co_names", "co_varnames", "co_freevars"),
+        *("co_cellvars", "co_flags", "co_argcount", "co_posonlyargcount", "co_kwonlyargcount"),
+    ),
+    MethodType: ("__func__", "__self__"),
+    cached_property: ("func",),
+    classmethod: ("__func__",),
+    np.vectorize: ("pyfunc", "otypes", "signature", "excluded"),
+    partial: ("func", "args", "keywords"),
+    property: ("fget", "fset", "fdel"),
+    staticmethod: ("__func__",),
+    type(lru_cache(len)): ("__dict__",),
+}
+DISPATCHER = cast(FunctionType, singledispatch(len)).__code__  # of all generic functions
+BESIDE = {  # what Python and pydantic keep in a class or module beside what its text says
+    *("__builtins__", "__cached__", "__dict__", "__doc__", "__file__", "__firstlineno__"),
+    *("__loader__", "__name__", "__package__", "__path__", "__spec__", "__static_attributes__"),
+    *("__warningregistry__", "__weakref__", "_abc_impl"),
+    *("__pydantic_core_schema__", "__pydantic_serializer__", "__pydantic_validator__"),
+}
+HEAP = 1 << 9  # flag of a class that no extension has as a constant
 
 
 def identity_of_function(function: Callable[..., Any]) -> str:
@@ -34,128 +65,180 @@ def identity_of_function(function: Callable[..., Any]) -> str:
     Raises:
         ArmDesignError: it holds or names a value that cannot be written down.
     """
-    name = getattr(function, "__qualname__", "task")
-    if not inspect.isfunction(function) or function.__closure__:
-        fault = "holds values that its source does not show"
-        raise ArmDesignError(name, fault, "give a plain function, and values as options")
-    return canonical(_Reached(name).of(function, name))
+    reached = _Reached(function)
+    try:
+        found = reached.all_of(function, reached.name)
+        return canonical([found, reached.texts()])
+    except RecursionError:
+        fault, remedy = "reaches values within values without end", "give numbers as options"
+        raise ArmDesignError(reached.name, fault, remedy) from None
 
 
 class _Reached:
-    """What a task reaches; each function, class and module is looked at once."""
+    """What a task reaches; each thing is looked at once, and is a number from then on."""
 
-    def __init__(self, task: str) -> None:
+    def __init__(self, task: Any, seen: dict[int, tuple[int, Any]] | None = None) -> None:
+        self.name = getattr(task, "__qualname__", "task")
         self._task = task
-        self._seen: set[int] = set()
+        self._seen = seen or {}  # with the things, lest another one gets the address
+        self._files: set[str] = set()
+        self._waiting: deque[tuple[Any, str, str]] = deque()  # functions, classes and modules
 
-    def of(self, value: Any, name: str) -> Any:
-        """Identity of a value that is known by a name."""
-        if isinstance(value, partial):
-            return self.of([value.func, value.args, value.keywords], name)
-        if inspect.ismethod(value):
-            return self.of([value.__func__, value.__self__], name)
-        value = inspect.unwrap(value) if callable(value) else value  # what a decorator keeps
-        if inspect.isroutine(value) or isinstance(value, type | ModuleType | np.ufunc):
-            own = value if inspect.ismodule(value) else sys.modules.get(_module_of(value))
-            said = getattr(value, "__qualname__", getattr(value, "__name__", name))
-            if (own is not None and _installed(own)) or id(value) in self._seen:
-                return [_module_of(value), said]
-            self._seen.add(id(value))
-            return [said, *self._inside(value, name)]
-        if isinstance(value, np.ndarray | np.generic):
-            return [str(value.dtype), value.tolist()]
-        if isinstance(value, KNOWN):
-            return repr(value)
-        if isinstance(value, list | tuple):
-            return [self.of(one, name) for one in value]
-        if isinstance(value, set | frozenset):
-            return sorted(map(repr, value))
-        if isinstance(value, Mapping):
-            return [[repr(key), self.of(one, name)] for key, one in value.items()]
-        if is_dataclass(value) and not hasattr(value, "identity"):
-            inside = [[one.name, self.of(getattr(value, one.name), name)] for one in fields(value)]
-            return [self.of(type(value), name), inside]
+    def all_of(self, value: Any, name: str, file: str = "") -> list[Any]:
+        """Identity of a value, then of the functions, classes and modules that it reaches."""
+        found = [self.of(value, name, file)]
+        while self._waiting:  # one after another: they may form long chains
+            one, *how = self._waiting.popleft()
+            found.append([self._seen[id(one)][0], *self._inside(one, *how)])
+        return found
+
+    def of(self, value: Any, name: str, file: str = "") -> Any:
+        """Identity of a value that is known by a name, in a module of the user's with a file."""
+        kind = type(value)
+        if kind in ATOMS:
+            return hex(value) if kind is int else repr(value)
+        if kind not in (tuple, frozenset):  # equal ones may be one, or not
+            if id(value) in self._seen:
+                return self._seen[id(value)][0]
+            self._seen[id(value)] = len(self._seen), value
+        if kind in (list, tuple):
+            return [kind.__name__, *(self.of(one, name, file) for one in value)]
+        if kind in (set, frozenset):
+            return [kind.__name__, *sorted(self._apart(one, name, file) for one in value)]
+        if kind in (dict, MappingProxyType):
+            return [kind.__name__, *(self.of(pair, name, file) for pair in value.items())]
+        home = home_of(value)
+        if home and installed(home):
+            return [home.__name__, called(value)]
+        if isinstance(value, FunctionType | type | ModuleType):
+            self._waiting.append((value, name, file))
+            return self._seen[id(value)][0]
+        if kind in PARTS:
+            return [kind.__name__, *(self.of(getattr(value, p), name, file) for p in PARTS[kind])]
+        return self._of_object(value, name, file)
+
+    def texts(self) -> list[str]:
+        """Digests of all files of the user's, if any stands for a value that it holds.
+
+        Raises:
+            ArmDesignError: one is not what was loaded.
+        """
+        if not self._files:
+            return []
+        modules = [m for m in list(sys.modules.values()) if isinstance(m, ModuleType)]
+        own = {file_of(vars(m)) for m in modules if not installed(m)} - {""}
+        texts = []
+        for file in map(Path, self._files | own):
+            if file.stat().st_mtime > _BEGAN:
+                fault = f"reaches what only files tell, and {file.name} is newer than this run"
+                raise ArmDesignError(self.name, fault, "start Python anew")
+            texts.append(hashlib.sha256(file.read_bytes()).hexdigest())
+        return sorted(texts)
+
+    def _apart(self, value: Any, name: str, file: str) -> str:
+        """Identity of one of a set, whichever of them come before it."""
+        apart = _Reached(self._task, dict(self._seen))
+        found = canonical(apart.all_of(value, name, file))
+        self._files |= apart._files
+        return found
+
+    def _inside(self, value: Any, name: str, file: str) -> Iterator[Any]:
+        if isinstance(value, FunctionType):
+            return self._of_function(value, name, file)
+        if isinstance(value, type):
+            return self._of_class(value, name, file)
+        return self._of_module(value)
+
+    def _of_function(self, function: FunctionType, name: str, file: str) -> Iterator[Any]:
+        code, space = function.__code__, function.__globals__
+        yield [space.get("__name__", ""), code.co_qualname]
+        if code is DISPATCHER:
+            yield self.of(dict(vars(function)["registry"]), name, file)
+            return
+        whole = "" if function is self._task else file_of(space)
+        held = file or (whole if home_of(function) else "")
+        inside = function.__defaults__, function.__kwdefaults__, vars(function)
+        yield self.of(inside, name, held)
+        for free, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+            yield [self.of(one, free, held) for one in _contents(cell)]
+        module = sys.modules.get(space.get("__name__", ""))
+        if module and vars(module) is space and installed(module):
+            return
+        yield self.of(code, name)
+        for read in sorted(names_read_by(code)):
+            if read in space:
+                yield [read, self.of(space[read], read, file or whole)]
+        for module in imported_by(code, space):
+            yield self.of(module, name)
+
+    def _of_class(self, kind: type, name: str, file: str) -> Iterator[Any]:
+        yield [module_of(kind), kind.__qualname__]
+        if not kind.__flags__ & HEAP:
+            return
+        home = home_of(kind)
+        held = file or (file_of(vars(home)) if home else "")
+        yield self.of((type(kind), *kind.__bases__), name, held)
+        for key, one in sorted(vars(kind).items()):
+            if key not in BESIDE:
+                yield [key, self.of(one, key, held)]
+
+    def _of_module(self, module: ModuleType) -> Iterator[Any]:
+        yield module.__name__
+        if not installed(module):
+            file = file_of(vars(module))
+            for key, one in sorted(vars(module).items()):
+                if key not in BESIDE:
+                    yield [key, self.of(one, key, file)]
+
+    def _of_object(self, value: Any, name: str, file: str) -> Any:
         try:
-            return canonical(value)
-        except (TypeError, ValueError):
+            written = _written(value)
+        except Exception:  # whatever an object's own code raises
+            if file:
+                self._files.add(file)
+                return self.of(type(value), name, file)
             fault = f'reads "{name}", a {type(value).__name__} that cannot be written down'
             remedy = "give numbers and texts as options"
-            raise ArmDesignError(self._task, fault, remedy) from None
-
-    def _inside(self, value: Any, name: str) -> Iterator[Any]:
-        if isinstance(value, FunctionType):
-            yield from self._of_function(value)
-        elif inspect.isclass(value):
-            yield [self.of(base, name) for base in value.__bases__]
-            for key, one in sorted(vars(value).items()):
-                one = getattr(one, "__func__", getattr(one, "fget", one))
-                yield [key, self._if_known(one, key)]
-        elif inspect.ismodule(value):
-            for key, one in sorted(vars(value).items()):
-                if not key.startswith("__"):
-                    yield [key, self._if_known(one, key)]
-        else:
-            yield _module_of(value)
-
-    def _of_function(self, function: FunctionType) -> Iterator[Any]:
-        yield _code(function.__code__)
-        yield self.of([function.__defaults__, function.__kwdefaults__], function.__qualname__)
-        for cell in function.__closure__ or ():
-            yield self.of(cell.cell_contents, function.__qualname__)
-        for name in sorted(_named(function.__code__, GLOBALS)):
-            if name in function.__globals__:
-                yield [name, self.of(function.__globals__[name], name)]
-        for name in sorted(_named(function.__code__, ("IMPORT_NAME",))):
-            try:
-                yield [name, self.of(importlib.import_module(name), name)]
-            except ImportError:
-                yield [name]
-
-    def _if_known(self, value: Any, name: str) -> Any:
-        """Of what a class or module holds, without what cannot be written down."""
-        try:
-            return self.of(value, name)
-        except ArmDesignError:
-            return type(value).__name__
+            raise ArmDesignError(self.name, fault, remedy) from None
+        return [self.of(type(value), name, file), self.of(written, name, file)]
 
 
-def _module_of(value: Any) -> str:
-    if inspect.ismodule(value):
-        return value.__name__
-    return str(getattr(value, "__module__", None) or type(value).__module__)
+def _written(value: Any) -> Any:
+    """What is written down of an object, as pickle does.
+
+    Raises:
+        Exception: nothing, or it is no more than a name.
+    """
+    kind = type(value)
+    if module_of(kind).startswith("armdesign.") and hasattr(value, "identity"):
+        return canonical(value)
+    if module_of(kind).startswith("numba."):  # whose pickles have random names
+        return value.__wrapped__, value.targetoptions
+    reduce = copyreg.dispatch_table.get(kind)
+    parts = reduce(value) if reduce else value.__reduce_ex__(2)
+    if not isinstance(parts, str):
+        if kind is object:
+            raise TypeError("is nothing but itself")
+        return [_plain(kind, one) for one in parts]
+    if module_of(kind) != "typing" and not installed(sys.modules.get(module_of(value))):
+        raise TypeError("is a name of the user's")
+    if isinstance(value, np.ufunc) and " (" in parts:
+        raise TypeError("is the name of a function that np.frompyfunc hides")
+    return parts, module_of(value), value.__getstate__()
 
 
-def _installed(module: ModuleType) -> bool:
-    """Whether a module is Python's, this package's or an installed one, and not the user's."""
-    if module.__name__ == "__main__":
-        return False
-    file = getattr(module, "__file__", None)
-    if module.__name__.partition(".")[0] == "armdesign" or file is None:
-        return True
-    return any(Path(file).is_relative_to(folder) for folder in _folders())
+def _plain(kind: type, part: Any) -> Any:
+    """Part of a pickle: listed, and without what an installed class computes of the others."""
+    if isinstance(part, Iterator):
+        return list(part)
+    if not isinstance(part, dict) or not installed(sys.modules.get(module_of(kind))):
+        return part
+    computed = {k for k in part if isinstance(getattr(kind, str(k), None), cached_property)}
+    return {key: one for key, one in part.items() if key not in computed}
 
 
-@lru_cache(maxsize=1)
-def _folders() -> tuple[str, ...]:
-    names = "stdlib", "platstdlib", "purelib", "platlib"
-    return tuple(sysconfig.get_path(name) for name in names)
-
-
-def _code(code: CodeType) -> list[Any]:
-    """What a function does: its instructions, and the constants and names in them."""
-    return [code.co_code.hex(), [_constant(c) for c in code.co_consts], code.co_names]
-
-
-def _constant(value: Any) -> Any:
-    if isinstance(value, CodeType):
-        return _code(value)
-    if isinstance(value, tuple):
-        return [_constant(one) for one in value]
-    return sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value)
-
-
-def _named(code: CodeType, instructions: tuple[str, ...]) -> set[str]:
-    """Names that some instructions of a function have, and of functions within it."""
-    names = {i.argval for i in dis.get_instructions(code) if i.opname in instructions}
-    inner = (c for c in code.co_consts if isinstance(c, CodeType))
-    return names.union(*(_named(one, instructions) for one in inner))
+def _contents(cell: Any) -> list[Any]:
+    try:
+        return [cell.cell_contents]
+    except ValueError:  # nothing yet
+        return []
