@@ -242,8 +242,8 @@ class _CaseRunner:
     ) -> Iterator[tuple[Case, Outcome]]:
         """Cases with their outcomes as they come, counted once they were taken."""
         count = len(cases) + len(known)
-        with rounds("case", len(cases)) as finished:
-            for done, (case, outcome) in enumerate(self._outcomes(cases), 1):
+        with rounds("case", count, before=len(known)) as finished:
+            for case, outcome in self._outcomes(cases):
                 yield case, outcome
                 known[case.key] = outcome
                 self.computed.add(case.key)
@@ -251,7 +251,7 @@ class _CaseRunner:
                     self.answered.add(case.machine)
                     self._refuse_misspelt_outputs(known.values())
                 self.say(f"{len(known)} of {count} cases")
-                finished(done)
+                finished(len(known))
 
     def _outcomes(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
         """Cases and outcomes as they come, by the means that were chosen."""
