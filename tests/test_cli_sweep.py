@@ -92,7 +92,8 @@ def test_set_changes_every_machine_of_a_study(
     assert read(tmp_path / "out")["worst_hz"][1] == pytest.approx(worst, rel=1e-9)
     capsys.readouterr()
     assert main(words, monkeypatch) == 2
-    assert_one_line(capsys.readouterr().err, "belongs to another state of paper_1dof")
+    said = "belongs to another state of paper_1dof: paper_1dof.toml; restore that, give the --set"
+    assert_one_line(capsys.readouterr().err, said)
     assert main([*words, "--set", "cylinder.lift.bore_mm=-1"], monkeypatch) == 2
     assert_one_line(capsys.readouterr().err, "--set cylinder.lift.bore_mm: -1.0 is not allowed")
 

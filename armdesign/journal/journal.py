@@ -193,10 +193,8 @@ class Journal:
             raise ArmDesignError(str(self.path), fault, self._otherwise)
         changed = [name for name in files if before.get(name, files[name]) != files[name]]
         if changed:
-            fault = (
-                f"belongs to another state of {', '.join(changed)}, or to other values by --set"
-            )
-            remedy = f"restore that, give the same --set, or {self._otherwise}"
+            fault = f"belongs to another state of {', '.join(changed)}"
+            remedy = f"restore that, give the --set that it was begun with, or {self._otherwise}"
             raise ArmDesignError(str(self.path), fault, remedy)
         if files.keys() - before.keys():  # machines that a study has more than before
             together = canonical({**before, **files})

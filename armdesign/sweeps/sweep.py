@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import product
@@ -130,9 +130,7 @@ def sweep(
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
         refuse_options(task, one)
-    for name in {name for one in sets for name in one}.intersection(COLUMNS):
-        fault = "is the name of another column"
-        raise ArmDesignError(f"options.{name}", fault, "give it another name")
+    _refuse_names({path for one in chosen for path in one}, {k for one in sets for k in one})
     kept = more["journal"] is not None or is_keeping()
     identity = identity_of(task) if kept or isinstance(task, str) else uuid4().hex
     study = _study(_machines(machine), (task, identity), shared, workspace, points)
@@ -365,6 +363,17 @@ def _changes(
     for path in {p for one in chosen for p in one} & {p for rules in sets for p in rules}:
         raise ArmDesignError(path, "is given in changes and in requirements", "give it once")
     return [{**changes, **rules} for changes in chosen for rules in sets]
+
+
+def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
+    """Raise for key paths that are no texts, and options that would be two columns of a name."""
+    for path in paths:
+        if not isinstance(path, str):
+            fault = f"{path!r} is no key path"
+            raise ArmDesignError("changes", fault, 'give texts, such as "cylinder.boom.bore_mm"')
+    for name in options & {*COLUMNS, *paths}:
+        fault = "is the name of another column"
+        raise ArmDesignError(f"options.{name}", fault, "give it another name")
 
 
 def _cases(

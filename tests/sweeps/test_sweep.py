@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import linecache
 import os
 import re
@@ -39,6 +40,11 @@ def scaled(
 ) -> Mapping[str, Any]:
     """A quick task with options."""
     return {"scaled": factor * machine.section.fluid.bulk_modulus_MPa}
+
+
+def any_options(machine: ad.Machine, _: ad.Workspace, **more: Any) -> Mapping[str, Any]:
+    """A quick task with options of any name."""
+    return {"count": len(more)}
 
 
 def kills_once(machine: ad.Machine, _: ad.Workspace, place: str = "") -> Mapping[str, Any]:
@@ -104,6 +110,12 @@ def test_a_machine_may_be_given_by_its_path() -> None:
     frames = [ad.sweep(one, points=three).frame for one in (source, str(source), [source])]
     for frame in frames:
         assert frame["worst_hz"].tolist() == frames[0]["worst_hz"].tolist()
+
+
+def test_values_may_be_made_one_by_one() -> None:
+    values = {"fluid.bulk_modulus_MPa": (900.0 + k for k in range(3))}
+    frame = ad.sweep("paper_1dof", values, modulus, points=2).frame
+    assert frame["modulus"].tolist() == [9.00e8, 9.01e8, 9.02e8]
 
 
 def test_load_cases_and_requirements_multiply() -> None:
@@ -302,6 +314,14 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": {"fluid.bulk_modulus_MPa": []}}, "has no values"),
         ({"changes": {"fluid.bulk_modulus_MPa": 5}}, "no list of values"),
         ({"changes": [5]}, "is no case"),
+        ({"changes": {5: [1, 2]}}, "changes: 5 is no key path"),
+        ({"changes": {5: []}}, "5: has no values"),
+        ({"changes": [{"a": 1, 5: 1}]}, "changes: 5 is no key path"),
+        ({"changes": {"a": itertools.count()}}, "cases are not allowed"),
+        (
+            {"changes": {"a": [1, 2]}, "task": any_options, "options": [{"a": 5}]},
+            "options.a: is the name of another column",
+        ),
         ({"changes": {"a": (2, 1)}, "sobol": 4}, "no range"),
         ({"changes": {"a": 5}, "sobol": 4}, "no range"),
         ({"changes": {"a": (False, True)}, "sobol": 4}, "no range"),
