@@ -88,6 +88,8 @@ class Journal:
         try:
             with self._in_words():
                 self._begin_or_check(files, version)
+                if not path.exists():  # a run that kept nothing took it away as this one began
+                    raise self._in_use()
         except BaseException:
             self._database.close()
             raise
@@ -224,6 +226,10 @@ class Journal:
             if 0 < size < HEAD or (size == 0 and log.stat().st_size > 0):
                 raise self._damaged()
 
+    def _in_use(self) -> ArmDesignError:
+        remedy = "wait for that, or name another folder"
+        return ArmDesignError(str(self.path), "another run writes it", remedy)
+
     def _damaged(self) -> ArmDesignError:
         remedy = f"restore a copy with its own -wal beside it, or with none, or {self._otherwise}"
         return ArmDesignError(str(self.path), "is damaged", remedy)
@@ -243,8 +249,7 @@ class Journal:
             if undecoded or code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
                 raise self._damaged() from None
             if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                fault, remedy = "another run writes it", "wait for that, or name another folder"
-                raise ArmDesignError(place, fault, remedy) from None
+                raise self._in_use() from None
             if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
                 fault = "cannot be written, the disk may be full"
                 if self._has_cases():
@@ -279,8 +284,7 @@ def _set_aside(path: Path) -> None:
         _connected(path).close()
     except sqlite3.Error as error:
         if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY:
-            fault, remedy = "another run writes it", "wait for that, or name another folder"
-            raise ArmDesignError(str(path), fault, remedy) from None
+            raise
     number = 1
     while (place := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
         number += 1

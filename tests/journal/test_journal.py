@@ -105,6 +105,20 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
         opened(Path("a" * 300))
 
 
+def test_a_journal_that_goes_as_another_run_begins_is_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = Journal._begin_or_check
+
+    def gone(journal: Journal, files: dict[str, str], version: str) -> None:
+        real(journal, files, version)
+        journal.path.unlink()
+
+    monkeypatch.setattr(Journal, "_begin_or_check", gone)
+    with pytest.raises(ArmDesignError, match="another run writes it; wait for that"):
+        opened(tmp_path / "j.sqlite")
+
+
 def test_a_link_to_nothing_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / "j.sqlite").symlink_to(tmp_path / "elsewhere.sqlite")
     with pytest.raises(ArmDesignError, match="is a link to nothing; remove it, or name another"):
