@@ -24,6 +24,7 @@ FORMAT = 1  # of the tables
 APPLICATION = 0x61726D64  # "armd": what other programs know the file by
 HEAD = 512  # bytes, the least page that SQLite writes
 MAGIC = b"SQLite format 3\x00"  # with which it begins
+TABLES, PROGRAM = slice(40, 44), slice(68, 72)  # of the head: changes of tables, application
 MOVE = "move it elsewhere, or name another file"  # for what is no journal
 PATIENCE = 1.0  # [s] for which a lock is waited for
 NEW = "begin another with --new (in Python new=True), which keeps this one beside it"
@@ -211,8 +212,11 @@ class Journal:
             raise ArmDesignError(place, "is no regular file", "name another for the journal")
         if path.exists():
             with path.open("rb") as file:
-                head = file.read(len(MAGIC))
-            if not MAGIC.startswith(head):
+                head = file.read(HEAD)
+            log = path.with_name(f"{path.name}-wal")  # may have what the head has not yet
+            made = len(head) == HEAD and any(head[TABLES]) and not log.exists()
+            other = made and head[PROGRAM] != APPLICATION.to_bytes(4)
+            if other or not MAGIC.startswith(head[: len(MAGIC)]):
                 raise ArmDesignError(place, "is no journal", MOVE)
 
     def _refuse_emptied(self) -> None:

@@ -95,8 +95,11 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
     with sqlite3.connect(path) as other:
         other.execute("CREATE TABLE t (x)")
     other.close()
-    with pytest.raises(ArmDesignError, match="is no journal"):
-        opened(path)
+    before = path.read_bytes()
+    for new in (False, True):
+        with pytest.raises(ArmDesignError, match="is no journal"):
+            opened(path, new)
+    assert path.read_bytes() == before
     os.mkfifo(tmp_path / "fifo")
     for place in (tmp_path, tmp_path / "fifo", Path("/dev/null"), Path(""), Path("a\0b")):
         with pytest.raises(ArmDesignError, match="is no regular file"):
