@@ -50,13 +50,14 @@ def sweep(
             )
             table = answers.frame
         with run.writing(out) as folder:
-            plain_cells(table).to_csv(folder / "sweep.csv", index=False)  # every digit
+            place = folder.absolute()  # pandas takes a ~ at the beginning for the home
+            plain_cells(table).to_csv(place / "sweep.csv", index=False)  # every digit
             if importlib.util.find_spec("pyarrow"):
-                _of_one_kind(table).to_parquet(folder / "sweep.parquet", index=False)
+                _of_one_kind(table).to_parquet(place / "sweep.parquet", index=False)
     except KeyboardInterrupt as stop:
         if (out / JOURNAL).exists():
             kept.append(out / JOURNAL)
-            stop.args = (f"go on with: {command_line().replace(' --new', '')}",)
+            stop.args = (f"go on with: {command_line(without='--new')}",)
         raise
     again = [f"A worker died; done again: {name}." for name in answers.retried]
     run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})

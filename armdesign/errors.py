@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import sys
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069
 
 DIGITS, READ = re.compile("[0-9,]+"), 60  # of a whole number, of which nobody reads more
 LONGEST = 4_000  # characters of a part, fault or remedy: names in files may have any length
+SURROUNDINGS = (OSError, ImportError, MemoryError)  # as Python says that a place is at fault
 MOST_NAMES, SHOWN_NAMES = 200, 60  # among which a name is looked for; that a remedy lists
 
 
@@ -44,14 +46,20 @@ class ArmDesignError(Exception):
             known.
         key: key path of the machine file that causes it, where the part is another file's.
         table: what more there is to say, as plain text in lines; empty where one line says it all.
+        passing: whether it may pass without another input, as it comes from the surroundings: a
+            disk, a file, a package, memory, an environment variable. An error that is raised where
+            Python's own for these is handled is.
     """
+
+    passing: bool = False
 
     def __init__(
         self, part: str, fault: str, remedy: str = "", line: int | None = None, key: str = ""
     ) -> None:
         super().__init__()
         self.part, self.fault, self.remedy, self.key = part, fault, remedy, key
-        self.table = ""
+        self.table, cause = "", sys.exception()
+        self.passing = isinstance(cause, SURROUNDINGS) or getattr(cause, "passing", False)
         self.tell_line(line)
 
     def tell_line(self, line: int | None, file: str = "") -> None:
@@ -137,7 +145,9 @@ def raise_together(errors: Sequence[ArmDesignError]) -> None:
         words = "; also: ".join(
             [str(first).removeprefix(f"{_line(first.part)}: "), *map(str, others)]
         )
-        raise type(first)(first.part, words)
+        error = type(first)(first.part, words)
+        error.passing = any(one.passing for one in different)
+        raise error
 
 
 def choose(name: str, known: Collection[str]) -> str:

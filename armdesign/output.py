@@ -224,9 +224,9 @@ def write_move(move: Move, folder: Path) -> None:
     plots.save(plots.shaper_figure(move), folder / "shaper.png")
 
 
-def command_line() -> str:
-    """The command as typed in the terminal."""
-    return shlex.join(["armdesign", *sys.argv[1:]])
+def command_line(without: str | None = None) -> str:
+    """The command as typed in the terminal, but for one word."""
+    return shlex.join(["armdesign", *(word for word in sys.argv[1:] if word != without)])
 
 
 def made_of(machine: Machine) -> str:

@@ -25,12 +25,13 @@ Item = TypeVar("Item")
 
 @dataclass
 class Loop:
-    """A loop at work: what its rounds are, how many, and how many are over."""
+    """A loop at work: what its rounds are, how many, and how many are over, some from before."""
 
     what: str
     total: int
     done: int = 0
     began: float = field(default_factory=lambda: time.monotonic())
+    before: int = 0
 
     @property
     def words(self) -> str:
@@ -65,7 +66,8 @@ class Work:
         """Time that the loops still take if the rest goes as what is over; empty at first."""
         share, width = 0.0, 1.0
         for loop in self.loops:
-            share, width = share + width * loop.done / loop.total, width / loop.total
+            rest = loop.total - loop.before
+            share, width = share + width * (loop.done - loop.before) / rest, width / rest
         if not share:
             return ""
         seconds = (time.monotonic() - self.loops[0].began) * (1 - share) / share
@@ -132,12 +134,18 @@ def counted(items: Iterable[Item], what: str, total: int | None = None) -> Itera
 
 
 @contextmanager
-def rounds(what: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Say at which round the work is; yields a function that is given how many are over."""
-    if not _at_work or total < 2:
+def rounds(what: str, total: int, before: int = 0) -> Iterator[Callable[[int], None]]:
+    """Say at which round the work is; yields a function that is given how many are over.
+
+    Args:
+        what: the word for one of them.
+        total: how many there are.
+        before: how many were over before the work began.
+    """
+    if not _at_work or total < 2 or total == before:
         yield lambda _: None
         return
-    work, loop = _at_work[-1], Loop(what, total)
+    work, loop = _at_work[-1], Loop(what, total, done=before, before=before)
     work.loops.append(loop)
     work.tell()
 

@@ -254,7 +254,7 @@ class Run(Shown):
                     stop.args = (f"go on with: {command_line()}",)
                 raise
             except (OSError, SystemExit):  # the files are in place, and nobody reads the rest
-                pieces.served = bool(changed)
+                pieces.journal.served = bool(changed)
                 raise
         if pieces.answered and not self.quiet:
             pieces_were = "piece was" if pieces.answered == 1 else "pieces were"

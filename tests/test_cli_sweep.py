@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -90,7 +92,8 @@ def test_set_changes_every_machine_of_a_study(
     assert read(tmp_path / "out")["worst_hz"][1] == pytest.approx(worst, rel=1e-9)
     capsys.readouterr()
     assert main(words, monkeypatch) == 2
-    assert_one_line(capsys.readouterr().err, "belongs to another state of paper_1dof")
+    said = "belongs to another state of paper_1dof: paper_1dof.toml; restore that, give the --set"
+    assert_one_line(capsys.readouterr().err, said)
     assert main([*words, "--set", "cylinder.lift.bore_mm=-1"], monkeypatch) == 2
     assert_one_line(capsys.readouterr().err, "--set cylinder.lift.bore_mm: -1.0 is not allowed")
 
@@ -147,6 +150,54 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
     assert run.returncode == 128 + number
     kept = r"what was finished is kept in \S+sweep\.sqlite; go on with: armdesign sweep .*\n"
     assert re.fullmatch(r"armdesign: interrupted at case \d+ of 1200; " + kept, words)
+
+
+def test_an_interruption_counts_all_cases_and_drops_new_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In a folder named almost so; nothing is kept where nothing was finished."""
+    from armdesign.sweeps import tasks
+
+    real, ends = tasks.TASKS["map"], iter([0, 3, 3, 3])
+    left = next(ends)
+
+    def interrupted(*words: Any) -> Any:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            left = next(ends)
+            raise KeyboardInterrupt
+        return real(*words)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(tasks.TASKS, "map", interrupted)
+    text = STUDY.replace("[200, 190, -5]", "[200, 190, 195]")
+    words = ["sweep", written(tmp_path, text), "--out", "o --newer", "--workers", "1", "--new"]
+    assert main(words, monkeypatch) == 130
+    assert capsys.readouterr().err == (
+        "armdesign: interrupted at case 1 of 9; nothing was written\n"
+    )
+    assert not Path("o --newer").exists()
+    for number in (4, 7):
+        assert main(words, monkeypatch) == 130
+        said = capsys.readouterr().err.strip()
+        assert said.startswith(f"armdesign: interrupted at case {number} of 9; what was finished")
+        words = shlex.split(said.split("go on with: armdesign ")[-1])
+        assert words == ["sweep", str(tmp_path / "study.toml"), *words[2:]]
+        assert words[2:] == ["--out", "o --newer", "--workers", "1"]
+
+
+def test_a_folder_whose_name_begins_with_a_tilde(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The shell did not take it for the home; nor does pandas."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    words = ["sweep", written(tmp_path), "--out", "~/x", "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    assert len(read(tmp_path / "~" / "x")) == 9
+    ad.export(ad.load("paper_1dof"), "~/pins.csv")
+    assert (tmp_path / "~" / "pins.csv").is_file()
 
 
 KILLED = """

@@ -31,6 +31,7 @@ ROOMS = (
         "transaction",
         "arrays",
         "threads",
+        "processes",
         "short_repr",
         "progress",
     ),

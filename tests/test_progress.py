@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 
 import pytest
 
@@ -30,6 +31,12 @@ def test_longer_times_are_minutes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress.time, "monotonic", lambda: 100.0)
     work = Work("sweeping", lambda _: None, [Loop("sweep", 36, 9, 0.0)])
     assert (work.rounds, work.left) == (["sweep 10 of 36"], "5 min left")
+
+
+def test_what_was_over_before_takes_no_time() -> None:
+    began = time.monotonic() - 30.0
+    work = Work("sweeping", lambda _: None, [Loop("case", 40, 20, began, before=10)])
+    assert (work.rounds, work.left) == (["case 21 of 40"], "60 s left")
 
 
 def test_an_interruption_says_where() -> None:

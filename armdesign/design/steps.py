@@ -41,6 +41,7 @@ from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished
 from armdesign.machine.machine import Machine
+from armdesign.processes import in_processes
 from armdesign.short_repr import short_repr
 from armdesign.units import percent
 
@@ -405,7 +406,7 @@ def _designs(
     best: Mapping[Pins, Search], sizes: Sizes | None, command: str, workers: int
 ) -> dict[Pins, Design | InfeasibleError]:
     """Design of each set's search, or why there is none."""
-    from joblib import Parallel, delayed
+    from joblib import delayed
 
     searches = [*best.values()]
     designs = form(Design, [search.problem for search in searches])
@@ -417,7 +418,7 @@ def _designs(
         longest_first = sorted(numbers, key=lambda k: -len(searches[k].problem.vector.vary))
         some = ((k, searches[k]) for k in longest_first)
         tasks = (delayed(_design)(k, s.problem, s.x, sizes, command) for k, s in some)
-        yield from Parallel(workers, return_as="generator_unordered")(tasks)
+        yield from in_processes(tasks, workers)
 
     def write(k: int, design: Design | InfeasibleError) -> Mapping[str, Any] | None:
         return None if isinstance(design, InfeasibleError) else designs.write(k, design)

@@ -60,7 +60,8 @@ def export(machine: Machine, path: str | Path, pose: ArrayLike | None = None) ->
     kind = file.suffix.lower().removeprefix(".")
     try:
         if kind == "csv":
-            plain_cells(pin_table(machine, pose)).to_csv(file, index=False)
+            place = file.absolute()  # pandas takes a ~ at the beginning for the home
+            plain_cells(pin_table(machine, pose)).to_csv(place, index=False)
         elif kind == "dxf":
             write_dxf(machine, file, pose)
         elif kind in FORMATS:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -47,13 +47,11 @@ class Pieces:
         journal: where they are kept.
         entries: all that are finished, by their keys.
         answered: how many were asked for and had been finished by a run before.
-        served: whether the journal has done its service, and goes when it is closed.
     """
 
     journal: Journal
     entries: dict[str, Entry]
     answered: int = field(default=0, init=False)
-    served: bool = False
     version: str = field(default_factory=lambda: version("armdesign"))
 
     def __post_init__(self) -> None:
@@ -92,27 +90,17 @@ def keeping(path: Path) -> Iterator[Pieces]:
     Raises:
         ArmDesignError: the journal cannot be written, is damaged, or another run writes it.
     """
-    fresh = [folder for folder in path.absolute().parents if not folder.exists()]
-    goes = False
-    try:
-        with Journal(path, {}, version("armdesign"), new=False, otherwise=ANEW) as journal:
-            pieces = Pieces(journal, journal.entries())
-            _open.append(pieces)
-            try:
-                yield pieces
-                pieces.served = True
-            except InfeasibleError:
-                pieces.served = True
-                raise
-            finally:
-                _open.remove(pieces)
-                goes = pieces.served or not pieces.entries
-    finally:
-        for end in ("", "-wal", "-shm") if goes else ():
-            path.with_name(path.name + end).unlink(missing_ok=True)
-        for folder in fresh:  # the innermost first
-            with suppress(OSError):  # not there, or not empty
-                folder.rmdir()
+    with Journal(path, {}, version("armdesign"), new=False, otherwise=ANEW) as journal:
+        pieces = Pieces(journal, journal.entries())
+        _open.append(pieces)
+        try:
+            yield pieces
+            journal.served = True
+        except InfeasibleError:
+            journal.served = True
+            raise
+        finally:
+            _open.remove(pieces)
 
 
 def finished(what: str, identity: Callable[[], Any], compute: Callable[[], T], form: Form[T]) -> T:

@@ -23,16 +23,19 @@ from armdesign.journal.keys import canonical, digest
 FORMAT = 1  # of the tables
 APPLICATION = 0x61726D64  # "armd": what other programs know the file by
 HEAD = 512  # bytes, the least page that SQLite writes
+MAGIC = b"SQLite format 3\x00"  # with which it begins
+TABLES, PROGRAM = slice(40, 44), slice(68, 72)  # of the head: changes of tables, application
+MOVE = "move it elsewhere, or name another file"  # for what is no journal
 PATIENCE = 1.0  # [s] for which a lock is waited for
 NEW = "begin another with --new (in Python new=True), which keeps this one beside it"
 
-_TABLES = """
-CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE cases (
+_TABLES = (
+    "CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    """CREATE TABLE cases (
     key TEXT PRIMARY KEY, name TEXT NOT NULL, answer TEXT NOT NULL, seconds REAL NOT NULL,
     error TEXT NOT NULL, digest TEXT NOT NULL
-);
-"""
+)""",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +54,12 @@ class Entry:
 
 
 class Journal:
-    """An open journal; a context, at whose end it is closed."""
+    """An open journal; a context, at whose end it is closed, and goes if nothing is in it.
+
+    Attributes:
+        path: of the file.
+        served: whether it has done its service, and goes, too.
+    """
 
     def __init__(
         self, path: Path, files: Mapping[str, str], version: str, new: bool, otherwise: str = NEW
@@ -69,18 +77,20 @@ class Journal:
             ArmDesignError: it cannot be used, another run writes it, it is damaged, or belongs to
                 other files or another version.
         """
-        self.path, self._otherwise = path, otherwise
-        if not path.name or (path.exists() and not path.is_file()):
-            raise ArmDesignError(str(path), "is no regular file", "name another for the journal")
-        if new:
-            _set_aside(path)
-        self._refuse_emptied()
+        self.path, self._otherwise, self.served = path, otherwise, False
         with self._in_words():
+            self._refuse_others()
+            if new:
+                _set_aside(path)
+            self._refuse_emptied()
+            self._fresh = [one for one in path.absolute().parents if not one.exists()]
             path.parent.mkdir(parents=True, exist_ok=True)
             self._database = _connected(path)
         try:
             with self._in_words():
                 self._begin_or_check(files, version)
+                if not path.exists():  # a run that kept nothing took it away as this one began
+                    raise self._in_use()
         except BaseException:
             self._database.close()
             raise
@@ -94,8 +104,16 @@ class Journal:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        goes = self.served or self._has_cases() is False
         with contextlib.suppress(sqlite3.Error):  # a full disk; all cases are in the log beside
             self._database.close()
+        if not goes:
+            return
+        for end in ("", "-wal", "-shm"):
+            self.path.with_name(self.path.name + end).unlink(missing_ok=True)
+        for folder in self._fresh:  # the innermost first
+            with contextlib.suppress(OSError):  # not there, or not empty
+                folder.rmdir()
 
     def entries(self) -> dict[str, Entry]:
         """Every finished case by its key."""
@@ -124,6 +142,13 @@ class Journal:
                 "INSERT OR IGNORE INTO cases VALUES (?, ?, ?, ?, ?, ?)", [*fields, digest(fields)]
             )
 
+    def _has_cases(self) -> bool | None:
+        """Whether any case is in it; None where that cannot be read."""
+        try:
+            return self._database.execute("SELECT 1 FROM cases LIMIT 1").fetchone() is not None
+        except (AttributeError, sqlite3.Error):  # it is not open yet, or damaged
+            return None
+
     def _begin_or_check(self, files: Mapping[str, str], version: str) -> None:
         """Write the tables into an empty file; compare what others hold."""
         about = {"version": version, "files": canonical(dict(files))}
@@ -132,9 +157,9 @@ class Journal:
         application = execute("PRAGMA application_id").fetchone()[0]
         if known is None:
             if execute("SELECT count(*) FROM sqlite_master").fetchone()[0] or application:
-                raise ArmDesignError(str(self.path), "is no journal", "name another file")
+                raise ArmDesignError(str(self.path), "is no journal", MOVE)
             execute("BEGIN IMMEDIATE")
-            for statement in _TABLES.split(";\n"):
+            for statement in _TABLES:
                 execute(statement)
             for name, value in about.items():
                 execute("INSERT INTO about VALUES (?, ?)", [name, value])
@@ -143,19 +168,25 @@ class Journal:
             execute("COMMIT")
             return
         if application != APPLICATION:
-            raise ArmDesignError(str(self.path), "is no journal", "name another file")
-        self._check(dict(execute("SELECT name, value FROM about").fetchall()), files, version)
+            raise ArmDesignError(str(self.path), "is no journal", MOVE)
+        self._check(files, version)
 
-    def _check(self, about: Mapping[str, str], files: Mapping[str, str], version: str) -> None:
-        """Raise where the journal is damaged, or does not belong to the run."""
-        form = self._database.execute("PRAGMA user_version").fetchone()[0]
+    def _check(self, files: Mapping[str, str], version: str) -> None:
+        """Raise where the journal is damaged, or does not belong to the run.
+
+        Its tables are those that are written here and no others, no views that compute for ever.
+        """
+        execute = self._database.execute
+        form = execute("PRAGMA user_version").fetchone()[0]
         if form != FORMAT:
             fault = f"has the format {form}, this version of armdesign reads {FORMAT}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)
-        whole = self._database.execute("PRAGMA integrity_check").fetchone()[0] == "ok"
-        tables = self._database.execute("SELECT name FROM sqlite_master").fetchall()
-        if not whole or ("cases",) not in tables:
+        made = execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+        if sorted(made) != sorted((statement,) for statement in _TABLES):
             raise self._damaged()
+        if execute("PRAGMA integrity_check").fetchone()[0] != "ok":
+            raise self._damaged()
+        about = dict(execute("SELECT name, value FROM about").fetchall())
         try:
             written, before = about["version"], dict(json.loads(about["files"]))
         except (KeyError, TypeError, ValueError):
@@ -166,10 +197,27 @@ class Journal:
         changed = [name for name in files if before.get(name, files[name]) != files[name]]
         if changed:
             fault = f"belongs to another state of {', '.join(changed)}"
-            raise ArmDesignError(str(self.path), fault, f"restore that, or {self._otherwise}")
+            remedy = f"restore that, give the --set that it was begun with, or {self._otherwise}"
+            raise ArmDesignError(str(self.path), fault, remedy)
         if files.keys() - before.keys():  # machines that a study has more than before
             together = canonical({**before, **files})
-            self._database.execute("UPDATE about SET value = ? WHERE name = 'files'", [together])
+            execute("UPDATE about SET value = ? WHERE name = 'files'", [together])
+
+    def _refuse_others(self) -> None:
+        """Raise for a place that is no file, or holds what no journal begins with."""
+        path, place = self.path, str(self.path)
+        if path.is_symlink() and not path.exists():
+            raise ArmDesignError(place, "is a link to nothing", "remove it, or name another file")
+        if not path.name or "\0" in place or (path.exists() and not path.is_file()):
+            raise ArmDesignError(place, "is no regular file", "name another for the journal")
+        if path.exists():
+            with path.open("rb") as file:
+                head = file.read(HEAD)
+            log = path.with_name(f"{path.name}-wal")  # may have what the head has not yet
+            made = len(head) == HEAD and any(head[TABLES]) and not log.exists()
+            other = made and head[PROGRAM] != APPLICATION.to_bytes(4)
+            if other or not MAGIC.startswith(head[: len(MAGIC)]):
+                raise ArmDesignError(place, "is no journal", MOVE)
 
     def _refuse_emptied(self) -> None:
         """Raise for a file without its head, which SQLite would begin anew.
@@ -182,10 +230,13 @@ class Journal:
             if 0 < size < HEAD or (size == 0 and log.stat().st_size > 0):
                 raise self._damaged()
 
+    def _in_use(self) -> ArmDesignError:
+        remedy = "wait for that, or name another folder"
+        return ArmDesignError(str(self.path), "another run writes it", remedy)
+
     def _damaged(self) -> ArmDesignError:
-        return ArmDesignError(
-            str(self.path), "is damaged", f"restore a copy, or {self._otherwise}"
-        )
+        remedy = f"restore a copy with its own -wal beside it, or with none, or {self._otherwise}"
+        return ArmDesignError(str(self.path), "is damaged", remedy)
 
     @contextlib.contextmanager
     def _in_words(self) -> Iterator[None]:
@@ -195,17 +246,18 @@ class Journal:
             yield
         except OSError as error:
             fault = f"cannot be written ({error.strerror})"
-            raise ArmDesignError(place, fault, "name another folder") from None
+            raise ArmDesignError(f"{place:.60}", fault, "name another folder") from None
         except sqlite3.Error as error:
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF
             undecoded = "decode" in str(error)  # a flipped bit in a text
             if undecoded or code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
                 raise self._damaged() from None
             if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                fault, remedy = "another run writes it", "wait for that, or name another folder"
-                raise ArmDesignError(place, fault, remedy) from None
+                raise self._in_use() from None
             if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
-                fault = "cannot be written, the disk may be full; what was finished before is kept"
+                fault = "cannot be written, the disk may be full"
+                if self._has_cases():
+                    fault += "; what was finished before is kept"
                 remedy = "make room, or free the file if it is protected, and run it again"
                 raise ArmDesignError(place, fault, remedy) from None
             fault = f"cannot be used ({error})"
@@ -236,8 +288,7 @@ def _set_aside(path: Path) -> None:
         _connected(path).close()
     except sqlite3.Error as error:
         if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY:
-            fault, remedy = "another run writes it", "wait for that, or name another folder"
-            raise ArmDesignError(str(path), fault, remedy) from None
+            raise
     number = 1
     while (place := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
         number += 1

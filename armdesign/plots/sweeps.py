@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from armdesign.errors import ArmDesignError, choose
@@ -10,6 +11,8 @@ from armdesign.plots.canvas import INK, figure, literal
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
     from armdesign.sweeps.answers import Sweep
+
+LARGEST = 1e300  # number that is drawn: the width of an axis is a number, too
 
 
 @literal
@@ -21,7 +24,8 @@ def sweep_answers(sweep: Sweep, answer: str = "") -> Figure:
         answer: name of a column of its frame; empty: the first answer that is a number.
 
     Raises:
-        ArmDesignError: no answer, or none of that name, or no change is a number.
+        ArmDesignError: no answer, or none of that name, or no change is a number, or one is too
+            large to be drawn.
     """
     numbers = sweep.frame.select_dtypes("number").drop(columns="seconds")
     changed = [path for path in sweep.paths if path in numbers]
@@ -31,10 +35,14 @@ def sweep_answers(sweep: Sweep, answer: str = "") -> Figure:
         raise ArmDesignError("sweep", fault, "draw its frame")
     if answer and answer not in answers:
         raise ArmDesignError("answer", f'"{answer}" is none of the sweep', choose(answer, answers))
+    shown = answer or answers[0]
+    for name in (*changed, shown):
+        if numbers[name].abs().between(LARGEST, math.inf, inclusive="neither").any():
+            raise ArmDesignError(name, f"has numbers beyond {LARGEST:g}", "draw the sweep's frame")
     fig, axes = figure(len(changed), 5.6, 4.4)
     for ax, path in zip(axes, changed, strict=True):
-        ax.plot(numbers[path], numbers[answer or answers[0]], "o", color=INK, ms=4, alpha=0.7)
+        ax.plot(numbers[path], numbers[shown], "o", color=INK, ms=4, alpha=0.7)
         ax.set_xlabel(path)
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel(answer or answers[0])
+    axes[0].set_ylabel(shown)
     return fig

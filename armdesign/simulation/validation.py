@@ -41,6 +41,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import all_finished
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
+from armdesign.processes import in_processes
 from armdesign.progress import counted
 from armdesign.short_repr import short_repr
 from armdesign.simulation.experiment import Experiment
@@ -405,10 +406,10 @@ def _validations(
         if workers <= 1 or len(missing) < 2:
             yield from ((k, _swept(places[k], wanted)) for k in counted(missing, "pose"))
             return
-        from joblib import Parallel, delayed
+        from joblib import delayed
 
         tasks = [delayed(_numbered)(k, places[k], wanted) for k in missing]
-        answers = Parallel(workers, return_as="generator_unordered")(tasks)
+        answers = in_processes(tasks, workers)
         yield from counted(answers, "pose", len(tasks))
 
     pieces = iter(all_finished("sweeps at a pose", len(places), identity, swept, form()))

@@ -60,15 +60,17 @@ def grid_changes(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
     Raises:
         ArmDesignError: no values, or more combinations than anybody waits for.
     """
+    rows: list[list[Any]] = []
     for path, row in values.items():
         if isinstance(row, str) or not isinstance(row, Iterable):
             remedy = "give a list, such as [110, 120]"
-            raise ArmDesignError(path, f"{row!r} is no list of values", remedy)
-        if not len(row):
-            raise ArmDesignError(path, "has no values", "give some, or leave the path out")
-    refuse_many(math.prod(len(row) for row in values.values()))
+            raise ArmDesignError(str(path), f"{row!r} is no list of values", remedy)
+        rows.append(list(itertools.islice(row, MOST + 1)))  # which may be made one by one
+        if not rows[-1]:
+            raise ArmDesignError(str(path), "has no values", "give some, or leave the path out")
+    refuse_many(math.prod(map(len, rows)))
     paths = list(values)
-    return [dict(zip(paths, row, strict=True)) for row in itertools.product(*values.values())]
+    return [dict(zip(paths, row, strict=True)) for row in itertools.product(*rows)]
 
 
 def sobol_changes(
@@ -89,7 +91,7 @@ def sobol_changes(
     for path, ends in ranges.items():
         if not _is_range(ends):
             fault = f"{ends!r} is no range"
-            raise ArmDesignError(path, fault, "give two numbers, the lower one first")
+            raise ArmDesignError(str(path), fault, "give two numbers, the lower one first")
     low, high = np.array(list(ranges.values()), float).reshape(-1, 2).T
     if not low.size:
         raise ArmDesignError("sobol", "has no ranges", "give two ends by key path")

@@ -6,6 +6,7 @@ of a dead worker to others.
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,7 +15,16 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError
 from armdesign.sweeps.cases import Case
-from armdesign.sweeps.worker import Outcome, Study, answer, died, forget, is_prepared, prepare
+from armdesign.sweeps.worker import (
+    Outcome,
+    Study,
+    answer,
+    died,
+    forget,
+    is_prepared,
+    prepare,
+    refuse_unless_sent,
+)
 
 PATIENCE = 10.0  # [s] for which a scheduler may be silent at the start
 PREFIX = "armdesign-"
@@ -34,13 +44,16 @@ def on_cluster(
         died_at: told each case that the scheduler gives to another because its worker died.
 
     Raises:
-        ArmDesignError: dask.distributed is missing, or the scheduler cannot be reached or is gone.
+        ArmDesignError: dask.distributed is missing, a task or its options cannot be sent, or the
+            scheduler cannot be reached or is gone.
     """
     try:
         from distributed import as_completed
+        from distributed.protocol.pickle import dumps
     except ImportError:
         remedy = 'pip install "armdesign[cluster]"'
         raise ArmDesignError("--scheduler", "needs dask.distributed", remedy) from None
+    refuse_unless_sent((study, cases), dumps)
     client, plugin = _client(address), f"{PREFIX}{study.name}"
     lost = deque[str]()
     try:
@@ -70,14 +83,30 @@ def on_cluster(
 
 
 def _client(address: str) -> Any:
+    """A client of the scheduler at an address.
+
+    Dask waits for ever for the greeting of a server of another kind, and complains at the end of
+    the program of a client that could not begin; so a greeting is waited for first.
+    """
     from distributed import Client
+    from distributed.utils import LoopRunner
 
     try:
+        LoopRunner(asynchronous=False).run_sync(_greeted, address)
         return Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, TimeoutError, ValueError, TypeError) as error:
-        fault = f"{address} cannot be reached ({type(error).__name__})"
+    except Exception as error:  # of any kind, by what a server of another kind says
+        fault = f"{address} cannot be reached or is no scheduler of dask ({type(error).__name__})"
         remedy = "start one with: dask scheduler, and workers with: dask worker ADDRESS"
         raise ArmDesignError("--scheduler", fault, remedy) from None
+
+
+async def _greeted(address: str) -> None:
+    """Raise unless there is a server that greets as dask's do."""
+    from distributed.core import connect
+
+    async with asyncio.timeout(PATIENCE):
+        comm = await connect(address, timeout=PATIENCE)
+        comm.abort()
 
 
 def _plugin(study: Study) -> Any:

@@ -7,16 +7,23 @@ again in a new one, one by one, so that the one that kills its worker is known b
 from __future__ import annotations
 
 import os
-import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from typing import Any
 
+from armdesign.processes import without_interrupts
 from armdesign.sweeps.cases import Case
-from armdesign.sweeps.worker import ONE_THREAD, Outcome, Study, answer, died, prepare_process
+from armdesign.sweeps.worker import (
+    ONE_THREAD,
+    Outcome,
+    Study,
+    answer,
+    died,
+    prepare_process,
+    refuse_unless_sent,
+)
 
 TRIES = 3  # of a case whose worker dies
 
@@ -33,7 +40,13 @@ def on_processes(
         cases: the cases.
         workers: number of processes.
         died_at: told each case that is tried again because its worker died.
+
+    Raises:
+        ArmDesignError: a task or its options cannot be sent to processes.
     """
+    from joblib.externals.loky.backend.reduction import dumps
+
+    refuse_unless_sent((study, cases), dumps)
     waiting, deaths = deque(cases), Counter[str]()
     running: Running = {}
     pool = _pool(study, workers)
@@ -72,7 +85,8 @@ def _fill(
             return
         case = waiting.popleft()
         try:
-            running[pool.submit(answer, study.name, case)] = case
+            with without_interrupts():  # the first case begins all processes
+                running[pool.submit(answer, study.name, case)] = case
         except BrokenProcessPool as error:  # a worker died since the last case came back
             future: Future[Outcome] = Future()
             future.set_exception(error)
@@ -97,29 +111,11 @@ def _completed(running: Running) -> tuple[list[tuple[Case, Outcome]], list[Case]
 
 def _pool(study: Study, workers: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
-    from joblib.externals.loky.backend.resource_tracker import ensure_running
 
-    with _without_hangup():
-        ensure_running()
-    return ProcessPoolExecutor(
-        workers, initializer=prepare_process, initargs=(study, os.getpid()), env=ONE_THREAD
-    )
-
-
-@contextmanager
-def _without_hangup() -> Iterator[None]:
-    """Context in which a closed terminal ends nothing, nor processes that are begun in it.
-
-    Loky's process that cleans up must outlive all others, or it is begun anew and complains.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    with without_interrupts():
+        return ProcessPoolExecutor(
+            workers, initializer=prepare_process, initargs=(study, os.getpid()), env=ONE_THREAD
+        )
 
 
 def _end(pool: Any) -> None:

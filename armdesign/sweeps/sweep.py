@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import product
@@ -135,9 +135,7 @@ def sweep(
     for one in (shared, *sets):
         refuse_options(task, one)
     shared, sets = _plain(shared), [_plain(one) for one in sets]
-    for name in {name for one in sets for name in one}.intersection(COLUMNS):
-        fault = "is the name of another column"
-        raise ArmDesignError(f"options.{name}", fault, "give it another name")
+    _refuse_names({path for one in chosen for path in one}, {k for one in sets for k in one})
     kept = more["journal"] is not None or is_keeping()
     identity = identity_of(task) if kept or isinstance(task, str) else uuid4().hex
     study = _study(_machines(machine), (task, identity), shared, workspace, points)
@@ -247,8 +245,8 @@ class _CaseRunner:
     ) -> Iterator[tuple[Case, Outcome]]:
         """Cases with their outcomes as they come, counted once they were taken."""
         count = len(cases) + len(known)
-        with rounds("case", len(cases)) as finished:
-            for done, (case, outcome) in enumerate(self._outcomes(cases), 1):
+        with rounds("case", count, before=len(known)) as finished:
+            for case, outcome in self._outcomes(cases):
                 yield case, outcome
                 known[case.key] = outcome
                 self.computed.add(case.key)
@@ -256,7 +254,7 @@ class _CaseRunner:
                     self.answered.add(case.machine)
                     self._refuse_misspelt_outputs(known.values())
                 self.say(f"{len(known)} of {count} cases")
-                finished(done)
+                finished(len(known))
 
     def _outcomes(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
         """Cases and outcomes as they come, by the means that were chosen."""
@@ -375,6 +373,17 @@ def _changes(
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by name, NumPy's numbers and arrays as Python's."""
     return {k: v.tolist() if hasattr(v, "tolist") else v for k, v in values.items()}
+
+
+def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
+    """Raise for key paths that are no texts, and options that would be two columns of a name."""
+    for path in paths:
+        if not isinstance(path, str):
+            fault = f"{path!r} is no key path"
+            raise ArmDesignError("changes", fault, 'give texts, such as "cylinder.boom.bore_mm"')
+    for name in options & {*COLUMNS, *paths}:
+        fault = "is the name of another column"
+        raise ArmDesignError(f"options.{name}", fault, "give it another name")
 
 
 def _cases(

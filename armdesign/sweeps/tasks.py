@@ -139,7 +139,11 @@ def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
     if not isinstance(options, Mapping):
         raise ArmDesignError("options", f"{options!r} is no set", "give values by name")
     function = task_named(task) if isinstance(task, str) else task
-    parameters = inspect.signature(function).parameters
+    try:
+        parameters = inspect.signature(function).parameters
+    except (TypeError, ValueError):  # of a class or function in C
+        remedy = "give a function of machine and workspace"
+        raise ArmDesignError("task", "does not say what it is given", remedy) from None
     if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         return
     known = list(parameters)[2:]

@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
@@ -27,6 +27,8 @@ ONE_THREAD = {  # environment of processes whose libraries shall not share out t
     name: "1"
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 }
+DIGITS = 4000  # of a whole number that is answered: Python writes no more than 4300
+LARGEST = 10**DIGITS
 WATCH = 1.0  # [s] between two looks at whether the parent lives
 
 
@@ -93,6 +95,16 @@ def prepare_process(study: Study, parent: int) -> None:
     prepare(study)
 
 
+def refuse_unless_sent(shared: Any, dumps: Callable[[Any], Any]) -> None:
+    """Raise for what cannot be written for other processes."""
+    try:
+        dumps(shared)
+    except Exception as error:  # of any kind, as a task or option has its own way
+        remedy = "take workers=1, or a function of a module and plain options"
+        fault = f"cannot be sent to other processes ({_words(error)})"
+        raise ArmDesignError("task or options", fault, remedy) from None
+
+
 def is_prepared(name: str) -> bool:
     """Whether this process has the study of a name."""
     return name in _studies
@@ -106,20 +118,29 @@ def forget(study: Study) -> None:
 def answer(name: str, case: Case) -> Outcome:
     """The outcome of a case of the study of a name.
 
-    Whatever goes wrong in the case is in the outcome: one case does not end the others.
+    Whatever goes wrong in the case is in the outcome: one case does not end the others. Only
+    Ctrl-C does.
     """
     with _one_at_a_time, one_thread():
         start = time.perf_counter()
         try:
             numbers = _answer(_studies[name], case)
-        except ArmDesignError as error:
-            return Outcome(answer={}, seconds=time.perf_counter() - start, error=str(error))
-        except (Exception, SystemExit) as error:
-            words = f"{type(error).__name__}: {error}"
-            return Outcome(
-                answer={}, seconds=time.perf_counter() - start, error=words, final=False
-            )
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            final = isinstance(error, ArmDesignError) and not error.passing
+            seconds = time.perf_counter() - start
+            return Outcome(answer={}, seconds=seconds, error=_words(error), final=final)
         return Outcome(answer=numbers, seconds=time.perf_counter() - start)
+
+
+def _words(error: BaseException) -> str:
+    """What an error says, behind its kind where it is none of ours."""
+    try:
+        own = isinstance(error, ArmDesignError)
+        return str(error) if own else f"{type(error).__name__}: {error}"
+    except Exception:  # of a kind that cannot say it
+        return type(error).__name__
 
 
 def _answer(study: Study, case: Case) -> dict[str, Any]:
@@ -144,14 +165,27 @@ def _plain(answer: Any) -> dict[str, Any]:
     if not isinstance(answer, Mapping):
         fault = f"answers with {type(answer).__name__}"
         raise ArmDesignError("task", fault, "return numbers and words by name, in a dict")
-    plain = {
-        str(name): getattr(value, "item", lambda v=value: v)() for name, value in answer.items()
-    }
-    for name, value in plain.items():
+    plain: dict[str, Any] = {}
+    for key, given in answer.items():
+        name, value = str(key), _scalar(given)
+        part = f"answer {name}"
+        if name in plain:
+            raise ArmDesignError(part, "is there twice", "give every answer a name of its own")
         if value is not None and not isinstance(value, str | int | float | bool):
             fault = f"is {type(value).__name__}"
-            raise ArmDesignError(f"answer {name}", fault, "give a number, a text or a truth value")
+            raise ArmDesignError(part, fault, "give a number, a text or a truth value")
+        if isinstance(value, int) and abs(value) >= LARGEST:
+            raise ArmDesignError(part, f"has more than {DIGITS} digits", "give fewer")
+        plain[name] = value
     return plain
+
+
+def _scalar(value: Any) -> Any:
+    """What stands alone in an array or is a number of NumPy, as Python's own; others as given."""
+    try:
+        return value.item()
+    except (AttributeError, TypeError, ValueError):  # it has no such method, or several numbers
+        return value
 
 
 def _end_with_parent(parent: int) -> None:

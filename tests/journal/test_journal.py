@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from armdesign import ArmDesignError
-from armdesign.journal.journal import Entry, Journal
+from armdesign.journal.journal import HEAD, MAGIC, Entry, Journal
 from armdesign.journal.keys import digest
 
 FILES = {"a.toml": "1", "a.urdf": "2"}
@@ -73,7 +73,7 @@ def test_a_second_run_is_refused_and_a_killed_one_leaves_no_lock(tmp_path: Path)
 def test_other_files_and_versions_are_named_and_set_aside(tmp_path: Path) -> None:
     path = tmp_path / "j.sqlite"
     filled(path, 2)
-    with pytest.raises(ArmDesignError, match=r"another state of a\.urdf; .*--new"):
+    with pytest.raises(ArmDesignError, match=r"another state of a\.urdf; .*--set .*--new"):
         opened(path, urdf="changed")
     with pytest.raises(ArmDesignError, match=r"written by armdesign 1\.0, this is 2\.0; .*--new"):
         opened(path, version="2.0")
@@ -85,19 +85,59 @@ def test_other_files_and_versions_are_named_and_set_aside(tmp_path: Path) -> Non
 
 def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "j.sqlite"
-    path.write_text("text " * 300)
-    with pytest.raises(ArmDesignError, match="is damaged"):
-        opened(path)
+    for text in ("text", "text " * 300):
+        path.write_text(text)
+        for new in (False, True):
+            with pytest.raises(ArmDesignError, match="is no journal; move it elsewhere, or"):
+                opened(path, new)
+        assert path.read_text() == text
     path.unlink()
     with sqlite3.connect(path) as other:
         other.execute("CREATE TABLE t (x)")
     other.close()
-    with pytest.raises(ArmDesignError, match="is no journal"):
-        opened(path)
+    before = path.read_bytes()
+    for new in (False, True):
+        with pytest.raises(ArmDesignError, match="is no journal"):
+            opened(path, new)
+    assert path.read_bytes() == before
     os.mkfifo(tmp_path / "fifo")
-    for place in (tmp_path, tmp_path / "fifo", Path("/dev/null"), Path("")):
+    for place in (tmp_path, tmp_path / "fifo", Path("/dev/null"), Path(""), Path("a\0b")):
         with pytest.raises(ArmDesignError, match="is no regular file"):
             opened(place)
+    with pytest.raises(ArmDesignError, match=r"^a{60}: cannot be written \(File name too long\);"):
+        opened(Path("a" * 300))
+
+
+def test_a_journal_that_goes_as_another_run_begins_is_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = Journal._begin_or_check
+
+    def gone(journal: Journal, files: dict[str, str], version: str) -> None:
+        real(journal, files, version)
+        journal.path.unlink()
+
+    monkeypatch.setattr(Journal, "_begin_or_check", gone)
+    with pytest.raises(ArmDesignError, match="another run writes it; wait for that"):
+        opened(tmp_path / "j.sqlite")
+
+
+def test_a_link_to_nothing_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "j.sqlite").symlink_to(tmp_path / "elsewhere.sqlite")
+    with pytest.raises(ArmDesignError, match="is a link to nothing; remove it, or name another"):
+        opened(tmp_path / "j.sqlite")
+    assert not (tmp_path / "elsewhere.sqlite").exists()
+
+
+def test_a_journal_without_a_case_goes_with_its_folders(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "j.sqlite"
+    with opened(path):
+        assert path.exists()
+    assert not list(tmp_path.iterdir())
+    filled(path, 1)
+    with opened(path):
+        pass
+    assert path.exists()
 
 
 @pytest.mark.parametrize("name", [":memory:", "file:j"])
@@ -126,12 +166,17 @@ def test_a_text_that_is_none_any_more_is_damage(tmp_path: Path) -> None:
         "DELETE FROM about WHERE name = 'version'",
         "UPDATE about SET value = '{' WHERE name = 'files'",
         "DROP TABLE cases",
+        "DROP TABLE cases; CREATE VIEW cases AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL"
+        " SELECT x + 1 FROM n) SELECT x AS key, x AS name, x AS answer FROM n",
+        "ALTER TABLE about RENAME TO old; CREATE VIEW about AS WITH RECURSIVE n(x) AS"
+        " (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT x AS name, x AS value FROM n",
+        "CREATE TRIGGER t AFTER INSERT ON cases BEGIN DELETE FROM cases; END",
     ],
 )
 def test_a_journal_without_what_it_must_hold_is_damaged(tmp_path: Path, spoilt: str) -> None:
     filled(tmp_path / "j.sqlite")
     database = sqlite3.connect(tmp_path / "j.sqlite")
-    database.execute(spoilt)
+    database.executescript(spoilt)
     database.commit()
     database.close()
     with pytest.raises(ArmDesignError, match="is damaged"):
@@ -142,7 +187,7 @@ def test_a_journal_without_its_head_is_damaged(tmp_path: Path) -> None:
     """But one without a byte, which was killed as it was begun, begins anew."""
     path = tmp_path / "j.sqlite"
     for size in (1, 100, 511):
-        path.write_bytes(b"S" * size)
+        path.write_bytes((MAGIC * HEAD)[:size])
         with pytest.raises(ArmDesignError, match="is damaged"):
             opened(path)
     path.write_bytes(b"")
@@ -194,6 +239,14 @@ def test_a_full_disk_loses_nothing_that_was_kept(tmp_path: Path) -> None:
         [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False
     )
     assert "the disk may be full; what was finished before is kept" in run.stderr
+    few = code.replace("60_000", "8_000").replace("filled", "opened")
+    run = subprocess.run(
+        [sys.executable, "-c", few, str(tmp_path / "k")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "the disk may be full; make room" in run.stderr
     with opened(path) as journal:
         kept = journal.entries()
     assert 0 < len(kept) < 40

@@ -67,6 +67,10 @@ def test_a_sweep_is_drawn_over_what_changed() -> None:
         sweep.plot("f1")
     with pytest.raises(ad.ArmDesignError, match="has no change that is a number"):
         ad.sweep("paper_1dof", points=3).plot()
+    sets = [{"k": 1e308}, {"k": -1e308}]
+    huge = ad.sweep("paper_1dof", task=lambda m, w, k: {"y": k}, options=sets, points=2)
+    with pytest.raises(ad.ArmDesignError, match=r"^k: has numbers beyond 1e\+300; draw the"):
+        huge.plot()
 
 
 def test_modes_are_drawn_pose_by_pose(tmp_path: Path) -> None:

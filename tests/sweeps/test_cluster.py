@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -88,6 +91,49 @@ def test_a_worker_killed_and_one_started_late_lose_and_double_nothing(tmp_path: 
 def test_a_scheduler_that_is_not_there_is_named() -> None:
     with pytest.raises(ad.ArmDesignError, match=r"tcp://127\.0\.0\.1:9 cannot be reached"):
         ad.sweep("paper_1dof", MODULI, scheduler="tcp://127.0.0.1:9")
+
+
+UNREACHED = """
+import socket, sys
+import armdesign as ad
+from armdesign.sweeps import cluster
+cluster.PATIENCE = 1.0
+with socket.socket() as server:
+    server.bind(("127.0.0.1", 0))
+    if sys.argv[1] == "silent":
+        server.listen()
+    try:
+        ad.sweep("paper_1dof", points=2, scheduler=f"tcp://127.0.0.1:{server.getsockname()[1]}")
+    except ad.ArmDesignError as error:
+        print(error)
+"""
+
+
+@pytest.mark.parametrize("kind", ["silent", "absent"])
+def test_a_server_that_does_not_greet_is_no_scheduler(kind: str) -> None:
+    """It was waited for for ever; and of one that is not there dask complained at the end."""
+    words = [sys.executable, "-c", UNREACHED, kind]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert "cannot be reached or is no scheduler of dask (TimeoutError)" in done.stdout
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def cancels(machine: ad.Machine, _: ad.Workspace, k: int) -> Mapping[str, Any]:
+    """A task that is ended at two cases by what ends dask's workers or hangs its clients."""
+    if k:
+        raise [asyncio.CancelledError, GeneratorExit][k - 1]
+    return {"x": 1}
+
+
+def test_what_ends_a_case_ends_no_other_on_a_cluster(tmp_path: Path) -> None:
+    how: dict[str, Any] = {"options": [{"k": k} for k in range(3)], "points": 2}
+    with dask(tmp_path) as (address, worker, _):
+        worker()
+        frame = ad.sweep("paper_1dof", task=cancels, scheduler=address, **how).frame
+        lock = threading.Lock()
+        with pytest.raises(ad.ArmDesignError, match="task or options: cannot be sent"):
+            ad.sweep("paper_1dof", task=lambda m, w, k: {"x": lock}, scheduler=address, **how)
+    assert frame["error"].tolist() == ["", "CancelledError: ", "GeneratorExit: "]
 
 
 def test_a_scheduler_that_is_killed_is_gone(tmp_path: Path) -> None:

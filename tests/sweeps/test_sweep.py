@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import linecache
 import os
 import re
@@ -10,7 +11,6 @@ import signal
 import sys
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,6 @@ from armdesign.errors import Stopped
 from armdesign.journal.finished import keeping
 from armdesign.journal.journal import Journal
 from armdesign.sweeps.cases import csv_changes, grid_changes, sobol_changes
-from armdesign.sweeps.study_file import read_study
 from armdesign.sweeps.sweep import files_of
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
@@ -42,6 +41,11 @@ def scaled(
 ) -> Mapping[str, Any]:
     """A quick task with options."""
     return {"scaled": factor * machine.section.fluid.bulk_modulus_MPa}
+
+
+def any_options(machine: ad.Machine, _: ad.Workspace, **more: Any) -> Mapping[str, Any]:
+    """A quick task with options of any name."""
+    return {"count": len(more)}
 
 
 def kills_once(machine: ad.Machine, _: ad.Workspace, place: str = "") -> Mapping[str, Any]:
@@ -107,6 +111,12 @@ def test_a_machine_may_be_given_by_its_path() -> None:
     frames = [ad.sweep(one, points=three).frame for one in (source, str(source), [source])]
     for frame in frames:
         assert frame["worst_hz"].tolist() == frames[0]["worst_hz"].tolist()
+
+
+def test_values_may_be_made_one_by_one() -> None:
+    values = {"fluid.bulk_modulus_MPa": (900.0 + k for k in range(3))}
+    frame = ad.sweep("paper_1dof", values, modulus, points=2).frame
+    assert frame["modulus"].tolist() == [9.00e8, 9.01e8, 9.02e8]
 
 
 def test_load_cases_and_requirements_multiply() -> None:
@@ -305,6 +315,14 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": {"fluid.bulk_modulus_MPa": []}}, "has no values"),
         ({"changes": {"fluid.bulk_modulus_MPa": 5}}, "no list of values"),
         ({"changes": [5]}, "is no case"),
+        ({"changes": {5: [1, 2]}}, "changes: 5 is no key path"),
+        ({"changes": {5: []}}, "5: has no values"),
+        ({"changes": [{"a": 1, 5: 1}]}, "changes: 5 is no key path"),
+        ({"changes": {"a": itertools.count()}}, "cases are not allowed"),
+        (
+            {"changes": {"a": [1, 2]}, "task": any_options, "options": [{"a": 5}]},
+            "options.a: is the name of another column",
+        ),
         ({"changes": {"a": (2, 1)}, "sobol": 4}, "no range"),
         ({"changes": {"a": 5}, "sobol": 4}, "no range"),
         ({"changes": {"a": (False, True)}, "sobol": 4}, "no range"),
@@ -383,62 +401,3 @@ def test_fields_are_numbers_as_the_machine_file_has_them(tmp_path: Path) -> None
     path = tmp_path / "c.csv"
     path.write_text("a\n1_000\n12\n1.5e1\nnan\ntrue\n")
     assert [one["a"] for one in csv_changes(path)] == ["1_000", 12, 15.0, "nan", True]
-
-
-def test_a_misspelt_answer_is_refused_after_the_first_case() -> None:
-    told = list[str]()
-    with pytest.raises(ad.ArmDesignError, match=r"no case has 'wrost_hz'; did you mean"):
-        ad.sweep("paper_1dof", MODULI, points=3, outputs=["wrost_hz"], say=told.append)
-    assert told == []
-
-
-def test_numbers_of_numpy_are_numbers() -> None:
-    """They were refused as no JSON; `np.linspace` alone was not."""
-    masses = {"payload.load.mass_kg": np.arange(100, 300, 100)}
-    plain = ad.sweep("paper_1dof", {"payload.load.mass_kg": [100, 200]}, points=3)
-    of_numpy = ad.sweep("paper_1dof", masses, points=3)
-    assert [case.key for case in of_numpy.cases] == [case.key for case in plain.cases]
-    at = ad.sweep("paper_1dof", [{"cylinder.lift.base.at_mm": np.array([-490, 0, 0])}], points=3)
-    assert not at.failures
-
-
-def test_a_machine_changed_part_by_part_has_answers_of_its_own(tmp_path: Path) -> None:
-    """A journal took it for the unchanged one, whose texts it has."""
-    machine = ad.load("paper_1dof")
-    softer = replace(machine, fluid=replace(machine.fluid, bulk_modulus=9e8))
-    journal = tmp_path / "j.sqlite"
-    hard, soft = (
-        ad.sweep(one, points=3, journal=journal).frame["worst_hz"][0] for one in (machine, softer)
-    )
-    assert soft < 0.9 * hard
-
-
-def test_a_text_of_another_notation_has_no_number_in_front(tmp_path: Path) -> None:
-    """Not 6 mm of "6_0", nor 0 of "0x3c"."""
-    rows = tmp_path / "rows.csv"
-    rows.write_text("cylinder.lift.bore_mm\n6_0\n0x3c\n")
-    errors = ad.sweep("paper_1dof", rows, points=3).failures.values()
-    assert len(errors) == 2
-    for error in errors:
-        assert "number alone" not in error
-
-
-def test_a_number_beside_its_own_list_is_refused() -> None:
-    """The later one won, and both orders had one key."""
-    both = {"cylinder.lift.base.at_mm.0": -500, "cylinder.lift.base.at_mm": [-490, 0, 0]}
-    for changes in (both, dict(reversed(both.items()))):
-        (error,) = ad.sweep("paper_1dof", [changes], points=3).failures.values()
-        assert "at_mm.0: is one of the numbers of cylinder.lift.base.at_mm" in error
-
-
-def test_a_catalogue_of_a_study_is_a_file_beside_it(tmp_path: Path) -> None:
-    (tmp_path / "sizes.csv").write_text("bore_mm,rod_mm\n63,36\n")
-    study = tmp_path / "study.toml"
-    study.write_text(
-        'machine = "paper_1dof"\ntask = "design"\npoints = 3\n'
-        '[options]\ncatalogue = "sizes.csv"\nvary = "areas"\n'
-    )
-    read = read_study(study, ad.load)
-    assert read["options"]["catalogue"] == [[pytest.approx(0.063), pytest.approx(0.036)]]
-    answers = ad.sweep(**read)
-    assert not answers.failures

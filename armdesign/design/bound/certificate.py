@@ -52,6 +52,7 @@ from armdesign.errors import InfeasibleError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import hertz
 from armdesign.journal.finished import Form, all_finished
+from armdesign.processes import in_processes
 
 # the bound of areas: programmes with more poses each
 ROUNDS_OF_AREAS = 6
@@ -194,13 +195,13 @@ def certificates_within_bands(
         return [problem, x, rows, enough[k], *(["drawn"] if drawn else [])]
 
     def compute(numbers: list[int]) -> Iterator[tuple[int, Certificate | None]]:
-        from joblib import Parallel, delayed
+        from joblib import delayed
 
         some = [(searches[k], enough[k]) for k in numbers]
         tasks = (
             delayed(_computed_within_bands)(s.problem, s.x, s.rows, w, drawn) for s, w in some
         )
-        yield from zip(numbers, Parallel(workers, return_as="generator")(tasks), strict=True)
+        yield from zip(numbers, in_processes(tasks, workers, ordered=True), strict=True)
 
     def read(_: int, answer: Mapping[str, Any]) -> Certificate | None:
         if not answer:

@@ -32,6 +32,7 @@ from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, finished
 from armdesign.machine.machine import Machine
+from armdesign.processes import in_processes
 from armdesign.progress import counted
 
 OBJECTIVES = ["gain", "worst"]
@@ -221,12 +222,12 @@ def follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Se
         if workers <= 1 or len(some) < 2:
             yield from ((k, follow(search, **settings)) for k, search in counted(some, "start"))
             return
-        from joblib import Parallel, delayed
+        from joblib import delayed
 
         tasks = [
             delayed(_outcome)(k, s.problem, s.x, s.rows, s.holding, settings) for k, s in some
         ]
-        outcomes = Parallel(workers, return_as="generator_unordered")(tasks)
+        outcomes = in_processes(tasks, workers)
         for k, outcome in counted(outcomes, "start", len(tasks)):
             yield k, replace(searches[k], **outcome).look()
 

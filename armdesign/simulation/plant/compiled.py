@@ -148,7 +148,9 @@ def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Recor
     switches: Any = numba.config
     if switches.DISABLE_JIT:
         fault = "simulations need numba's compiler, which it switches off"
-        raise SimulationError("NUMBA_DISABLE_JIT", fault, "unset it")
+        error = SimulationError("NUMBA_DISABLE_JIT", fault, "unset it")
+        error.passing = True
+        raise error
     return cast(Records, np.zeros(shape, dtype))
 
 

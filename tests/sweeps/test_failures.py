@@ -1,0 +1,167 @@
+"""Cases that fail: each alone, in words, and for good only where the case itself is at fault."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.errors import MachineFileError, raise_together
+
+MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0]}
+
+
+class SilentError(Exception):
+    """An error that cannot say what it is."""
+
+    def __str__(self) -> str:
+        raise RuntimeError("no words")
+
+
+ENDS: dict[str, Callable[[], BaseException]] = {
+    "CancelledError: x": lambda: asyncio.CancelledError("x"),
+    "GeneratorExit: ": GeneratorExit,
+    "SystemExit: 3": lambda: SystemExit(3),
+    "SilentError": SilentError,
+}
+
+
+def ends(machine: ad.Machine, _: ad.Workspace, words: str) -> Mapping[str, Any]:
+    """A task that is ended at one case."""
+    if machine.section.fluid.bulk_modulus_MPa == 1000.0:
+        raise ENDS[words]()
+    return {"x": 1}
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_whatever_ends_a_case_ends_no_other(workers: int) -> None:
+    sets = [{"words": words} for words in ENDS]
+    frame = ad.sweep("paper_1dof", MODULI, ends, options=sets, points=2, workers=workers).frame
+    middle = frame["fluid.bulk_modulus_MPa"] == 1000.0
+    assert frame["error"][middle].tolist() == list(ENDS)
+    assert frame["x"][~middle].tolist() == [1] * 8
+
+
+def saves(machine: ad.Machine, _: ad.Workspace, place: str) -> Mapping[str, Any]:
+    """A task that writes a file of ours."""
+    machine.save(Path(place) / "new.toml")
+    return {"x": 1}
+
+
+def test_what_the_surroundings_keep_from_an_answer_is_asked_again(tmp_path: Path) -> None:
+    """A folder that is in the way, and is not any more."""
+    place, journal = tmp_path / "later", tmp_path / "j.sqlite"
+    place.write_text("a file in the way")
+
+    def answers() -> ad.Sweep:
+        how: dict[str, Any] = {"options": {"place": str(place)}, "points": 2}
+        return ad.sweep("paper_1dof", task=saves, journal=journal, **how)
+
+    assert "cannot be written" in answers().frame["error"][0]
+    place.unlink()
+    again = answers()
+    assert (again.kept, again.failures) == (0, {})
+    assert answers().kept == 1
+
+
+def test_a_switched_off_compiler_is_asked_again(tmp_path: Path) -> None:
+    code = "import armdesign as ad, sys\nanswers = ad.sweep('paper_1dof', task='validate',"
+    code += " points=2, journal='j.sqlite')\nprint(answers.kept, *answers.failures.values())"
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=tmp_path,
+            env=os.environ | variables,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for variables in ({"NUMBA_DISABLE_JIT": "1"}, {}, {"NUMBA_DISABLE_JIT": "1"})
+    ]
+    assert said[0].endswith("which it switches off; unset it\n")
+    assert said[1:] == ["0\n", "1\n"]
+
+
+def test_errors_tell_whether_they_may_pass() -> None:
+    """Where one of ours is raised as Python's own is handled, and in other processes, too."""
+
+    def raised(cause: Exception) -> ad.ArmDesignError:
+        try:
+            try:
+                raise cause
+            except type(cause):
+                raise MachineFileError("file", "cannot be read") from None
+        except ad.ArmDesignError as error:
+            return error
+
+    for cause in (FileNotFoundError(), ModuleNotFoundError(), MemoryError()):
+        assert raised(cause).passing
+        assert pickle.loads(pickle.dumps(raised(cause))).passing
+    assert raised(raised(OSError())).passing
+    assert not raised(ValueError()).passing
+    with pytest.raises(MachineFileError, match="also: b: is wrong") as caught:
+        raise_together([raised(OSError()), ad.ArmDesignError("b", "is wrong")])
+    assert caught.value.passing
+
+
+def answers_with(machine: ad.Machine, _: ad.Workspace, which: int) -> Mapping[Any, Any]:
+    """A task that answers with what may be no answer."""
+    answers: list[Mapping[Any, Any]] = [
+        {"z": np.array([1, 2])},
+        {"z": 10**5000},
+        {1: 2, "1": 3},
+        {"z": 1j},
+        {"z": np.array([1.5]), "y": np.float32(0.5), "x": 10**30, "w": np.bool_(True)},
+    ]
+    return answers[which]
+
+
+@pytest.mark.parametrize("journal", [None, "j.sqlite"])
+def test_what_is_no_answer_is_said_in_words_and_for_good(
+    tmp_path: Path, journal: str | None
+) -> None:
+    sets = [{"which": k} for k in range(5)]
+    place = journal and tmp_path / journal
+    how: dict[str, Any] = {"options": sets, "points": 2, "journal": place}
+    sweep = ad.sweep("paper_1dof", task=answers_with, **how)
+    assert sweep.frame["error"].tolist() == [
+        "answer z: is ndarray; give a number, a text or a truth value",
+        "answer z: has more than 4000 digits; give fewer",
+        "answer 1: is there twice; give every answer a name of its own",
+        "answer z: is complex; give a number, a text or a truth value",
+        "",
+    ]
+    assert sweep.frame.loc[4, ["z", "y", "x", "w"]].tolist() == [1.5, 0.5, 10**30, True]
+    assert ad.sweep("paper_1dof", task=answers_with, **how).kept == (5 if journal else 0)
+
+
+def locked() -> Callable[..., Mapping[str, Any]]:
+    lock = threading.Lock()
+    return lambda machine, workspace: {"x": 1 if lock else 0}
+
+
+@pytest.mark.parametrize("task", [locked(), lru_cache(lambda m, w: {"x": 1})])
+def test_a_task_that_cannot_travel_is_refused_in_words(task: Any) -> None:
+    with pytest.raises(
+        ad.ArmDesignError, match=r"task or options: cannot .*; take workers=1"
+    ) as e:
+        ad.sweep("paper_1dof", MODULI, task, points=2, workers=2)
+    assert "\n" not in str(e.value)
+    assert ad.sweep("paper_1dof", MODULI, task, points=2).frame["x"].tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize("task", [dict, type])
+def test_a_task_without_a_signature_is_refused(task: Any) -> None:
+    with pytest.raises(ad.ArmDesignError, match=r"^task: .*give a function of machine and"):
+        ad.sweep("paper_1dof", task=task, options={"a": 1}, points=2)

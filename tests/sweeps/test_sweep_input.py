@@ -1,0 +1,73 @@
+"""What a sweep is given: names, numbers, machines, options, and what it makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.sweeps.study_file import read_study
+
+MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
+
+
+def test_a_misspelt_answer_is_refused_after_the_first_case() -> None:
+    told = list[str]()
+    with pytest.raises(ad.ArmDesignError, match=r"no case has 'wrost_hz'; did you mean"):
+        ad.sweep("paper_1dof", MODULI, points=3, outputs=["wrost_hz"], say=told.append)
+    assert told == []
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    """They were refused as no JSON; `np.linspace` alone was not."""
+    masses = {"payload.load.mass_kg": np.arange(100, 300, 100)}
+    plain = ad.sweep("paper_1dof", {"payload.load.mass_kg": [100, 200]}, points=3)
+    of_numpy = ad.sweep("paper_1dof", masses, points=3)
+    assert [case.key for case in of_numpy.cases] == [case.key for case in plain.cases]
+    at = ad.sweep("paper_1dof", [{"cylinder.lift.base.at_mm": np.array([-490, 0, 0])}], points=3)
+    assert not at.failures
+
+
+def test_a_machine_changed_part_by_part_has_answers_of_its_own(tmp_path: Path) -> None:
+    """A journal took it for the unchanged one, whose texts it has."""
+    machine = ad.load("paper_1dof")
+    softer = replace(machine, fluid=replace(machine.fluid, bulk_modulus=9e8))
+    journal = tmp_path / "j.sqlite"
+    hard, soft = (
+        ad.sweep(one, points=3, journal=journal).frame["worst_hz"][0] for one in (machine, softer)
+    )
+    assert soft < 0.9 * hard
+
+
+def test_a_text_of_another_notation_has_no_number_in_front(tmp_path: Path) -> None:
+    """Not 6 mm of "6_0", nor 0 of "0x3c"."""
+    rows = tmp_path / "rows.csv"
+    rows.write_text("cylinder.lift.bore_mm\n6_0\n0x3c\n")
+    errors = ad.sweep("paper_1dof", rows, points=3).failures.values()
+    assert len(errors) == 2
+    for error in errors:
+        assert "number alone" not in error
+
+
+def test_a_number_beside_its_own_list_is_refused() -> None:
+    """The later one won, and both orders had one key."""
+    both = {"cylinder.lift.base.at_mm.0": -500, "cylinder.lift.base.at_mm": [-490, 0, 0]}
+    for changes in (both, dict(reversed(both.items()))):
+        (error,) = ad.sweep("paper_1dof", [changes], points=3).failures.values()
+        assert "at_mm.0: is one of the numbers of cylinder.lift.base.at_mm" in error
+
+
+def test_a_catalogue_of_a_study_is_a_file_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "sizes.csv").write_text("bore_mm,rod_mm\n63,36\n")
+    study = tmp_path / "study.toml"
+    study.write_text(
+        'machine = "paper_1dof"\ntask = "design"\npoints = 3\n'
+        '[options]\ncatalogue = "sizes.csv"\nvary = "areas"\n'
+    )
+    read = read_study(study, ad.load)
+    assert read["options"]["catalogue"] == [[pytest.approx(0.063), pytest.approx(0.036)]]
+    answers = ad.sweep(**read)
+    assert not answers.failures

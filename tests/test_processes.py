@@ -1,0 +1,47 @@
+"""Processes that work for a command leave Ctrl-C to it, from their first moment."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+INTERRUPTED = """
+import os, signal, sys
+if any("popen_loky" in word for word in sys.orig_argv):
+    os.kill(os.getpid(), signal.SIGINT)
+    open("interrupted", "a").close()
+"""
+CASES = """
+import armdesign as ad
+sets = [{"damping": 0.1}, {"damping": 0.2}]
+print(ad.sweep("paper_1dof", task="control", options=sets, points=2, workers=2).failures)
+"""
+TASKS = """
+from joblib import delayed
+from armdesign.processes import in_processes
+print([*in_processes([delayed(abs)(-k) for k in range(3)], 2, ordered=True)])
+"""
+
+
+@pytest.mark.parametrize(("code", "said"), [(CASES, "{}\n"), (TASKS, "[0, 1, 2]\n")])
+def test_ctrl_c_while_a_worker_is_loaded(code: str, said: str, tmp_path: Path) -> None:
+    """Python itself ended in a traceback out of its own imports, and NumPy's."""
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTED)
+    paths = f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (tmp_path / "interrupted").exists()
+    assert (done.returncode, done.stdout, done.stderr) == (0, said, "")
