@@ -81,6 +81,7 @@ def changed_machine(
                 _refuse_unknown(machine, path, f"{part} {path}")
             whole[path] = value
     values = {path: _as_before(known.get(path), value) for path, value in whole.items()}
+    values = {path: value for path, value in values.items() if not _same(known.get(path), value)}
     source = machine.source
     try:
         if check:
@@ -131,6 +132,11 @@ def _as_before(before: Any, value: Any) -> Any:
     if not whole or isinstance(before, int) or abs(value) > sys.float_info.max:
         return value
     return float(value)
+
+
+def _same(before: Any, value: Any) -> bool:
+    """Whether a value is the one that the file has: its text then stays, however written."""
+    return type(before) is type(value) and before == value
 
 
 def numeric_changes(machine: Machine, other: Machine) -> dict[Location, tuple[float, float]]:

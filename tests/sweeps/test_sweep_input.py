@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armdesign as ad
+from armdesign.influence.changes import changed_machine
 from armdesign.sweeps.study_file import read_study
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
@@ -71,3 +72,12 @@ def test_a_catalogue_of_a_study_is_a_file_beside_it(tmp_path: Path) -> None:
     assert read["options"]["catalogue"] == [[pytest.approx(0.063), pytest.approx(0.036)]]
     answers = ad.sweep(**read)
     assert not answers.failures
+
+
+def test_the_value_that_the_file_has_changes_nothing() -> None:
+    """63 was written as 63.0, and a journal of the file was another one's."""
+    machine = ad.load("paper_1dof")
+    bore = machine.section.cylinder["lift"].bore_mm
+    for value in (bore, int(bore)):
+        assert changed_machine(machine, {"cylinder.lift.bore_mm": value}).text == machine.text
+    assert changed_machine(machine, {"cylinder.lift.bore_mm": bore + 1}).text != machine.text
