@@ -163,7 +163,6 @@ def validate(run: OverWorkspace, workers: PosesWorkersOption = 1) -> None:
     frequency responses and report.html.
     """
     from armdesign import plots
-    from armdesign.arrays import by_columns
     from armdesign.drawing.colours import actuator_colours
     from armdesign.report.contents import Picture
     from armdesign.report.validations import validation_chart, validation_sheet, verdict
@@ -188,7 +187,8 @@ def validate(run: OverWorkspace, workers: PosesWorkersOption = 1) -> None:
         output_reports.write_plain_report(
             title, items, [responses], charts, drawn, provenance, folder
         )
-    run.show(items, lambda: of_validation(answer), {"validation": by_columns(answer.rows)})
+    tables = {"validation": output.validation_columns(validations)}
+    run.show(items, lambda: of_validation(answer), tables)
 
 
 @app.command()
