@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 # poses: few enough for caches, enough that threads seldom wait for Python; a power of two would
 # put all components of a matrix onto the same lines of a cache
-CHUNK = 14_000
+CHUNK = 20_000
 
 
 class ReadOnly:

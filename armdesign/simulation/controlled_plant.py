@@ -22,7 +22,7 @@ from armdesign.simulation.dormand_prince import (
     place_stage,
 )
 from armdesign.simulation.excitation import SWEEP, SymmetricValve, sweeps_of, write_sweeps
-from armdesign.simulation.integrator import Breaks
+from armdesign.simulation.integrator import STIFF, Breaks
 from armdesign.simulation.plant.compiled import (
     Records,
     as_argument,
@@ -45,6 +45,7 @@ Command: TypeAlias = Callable[[float], Sequence[float]]
 ByName: TypeAlias = Mapping[str, Callable[[float], float]]
 
 ENERGY = 1e5  # [J] unit of energy in the state: bar × m³
+STIFF_SWEEPS = 15.0  # as ``STIFF`` where commands are compiled sweeps, whose steps cost a third
 
 
 class Cases(NamedTuple):
@@ -132,6 +133,11 @@ class ControlledPlant:
             gains=self.gains[rows],
             places=self.places[rows],
         )
+
+    @property
+    def stiff(self) -> float:
+        """How much shorter than stability asks steps must be, so that LSODA is faster."""
+        return STIFF if self.sweeps is None else STIFF_SWEEPS
 
     @cached_property
     def _kernels(self) -> dict[str, Callable[..., Any]]:

@@ -83,8 +83,8 @@ def stretches(instants: Sequence[float], end: float) -> list[Stretch]:
     return parts[::-1]
 
 
-# A case is stiff when its steps over a window are this much shorter than stability asks.
-WINDOW, STIFF = 300, 5.0
+WINDOW = 300  # steps over which a case is looked at
+STIFF = 5.0  # so much shorter than stability asks are steps of a case that is stiff
 FINER = 0.02  # of the tolerance, for LSODA: steps as stability asks are that exact
 HELD = 4.0  # a case whose steps are held short is stiff when they are this much shorter still
 LANDING = 8  # steps that growing again after a breakpoint may take
@@ -110,6 +110,10 @@ class System(Protocol):
 @runtime_checkable
 class Stepping(Protocol):
     """A system that takes steps itself, compiled."""
+
+    @property
+    def stiff(self) -> float:
+        """As ``STIFF``: how much shorter steps must be, so that LSODA is faster."""
 
     def take_steps(self, most: int, steps: Steps) -> tuple[int, int]:
         """Take steps, at most so many, until a case has halted: how many, and cases halted."""
@@ -202,6 +206,7 @@ class _Stepper:
         tolerance: float,
     ) -> None:
         n, self.system, self.tolerance = len(start), system, tolerance
+        self._stiff = system.stiff if isinstance(system, Stepping) else STIFF
         self.records = Records.of(start, *span)
         self.errors: dict[int, GaveUpError] = {}
         ends = span.durations.tolist()
@@ -213,7 +218,7 @@ class _Stepper:
         longest = np.where(complete, np.inf, self.records.spacing / 2)
         most = STABLE / np.maximum(pace.undamped, STABLE / end)
         needed = np.minimum(most, STABLE / np.maximum(pace.largest, STABLE / end))
-        needed = np.minimum(needed, STIFF / HELD * longest)
+        needed = np.minimum(needed, self._stiff / HELD * longest)
         most = np.minimum(most, longest)
         time, low, high, stop, step, before = np.zeros((6, n))
         self.rows = Running(
@@ -299,7 +304,7 @@ class _Stepper:
         at = self.rows
         steps = np.maximum(WINDOW - LANDING * at.landed, 0)
         gained = at.time - at.before
-        slow = gained < steps * at.needed / STIFF
+        slow = gained < steps * at.needed / self._stiff
         at.before[:], at.landed[:] = at.time, 0
         for row in (row for row in self.under_way() if slow[row]):
             try:
