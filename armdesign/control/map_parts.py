@@ -91,7 +91,7 @@ def map_parts(cases: Sequence[CasePoses], machine: Machine) -> list[MapPart]:
     """
     parts: dict[str, list[MapPart]] = {case.name: [] for case in cases}
 
-    def some_poses(case: CasePoses, _: int, rigid: RigidPoses) -> list[MapPart]:
+    def some_poses(case: CasePoses, rigid: RigidPoses) -> list[MapPart]:
         poses = poses_of(cases, case, rigid)
         chosen = (poses[begin : begin + CHUNK] for begin in range(0, len(poses), CHUNK))
         return [

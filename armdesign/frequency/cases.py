@@ -89,31 +89,25 @@ def groups_by_case(
 
 
 def in_chunks(
-    cases: Sequence[CasePoses], work: Callable[[CasePoses, int, RigidPoses], T], what: str
+    cases: Sequence[CasePoses], work: Callable[[CasePoses, RigidPoses], T], what: str
 ) -> Iterator[tuple[CasePoses, T]]:
     """Results of work on load cases of one workspace and the bare links at a chunk of its poses.
 
     Chunk by chunk in the order of the workspace, and in each the load cases that exist at any of
     its poses. Bare links are computed once for all load cases, and not kept if there are many.
-    Chunks go by threads, see ``in_threads``.
-
-    Args:
-        cases: of one workspace.
-        work: of a load case, the number of its poses before the chunk, and the links.
-        what: names the work in the progress bar.
+    Chunks go by threads, see ``in_threads``. ``what`` names the work in the progress bar.
     """
 
     def at_all(rows: slice, rigid: RigidPoses) -> list[tuple[CasePoses, T]]:
         def at(some: Array) -> RigidPoses:
             return rigid if len(some) == len(rigid) else rigid[some]
 
-        results = []
-        for case in cases:
-            some, before = np.flatnonzero(case.exists[rows]), case.exists[: rows.start].sum()
-            if len(some):
-                links = scaled_links(at(some), case.link_share)
-                results.append((case, work(case, int(before), links)))
-        return results
+        chosen = ((case, np.flatnonzero(case.exists[rows])) for case in cases)
+        return [
+            (case, work(case, scaled_links(at(some), case.link_share)))
+            for case, some in chosen
+            if len(some)
+        ]
 
     for results in cases[0].workspace.parts(at_all, what):
         yield from results
@@ -145,7 +139,7 @@ def refuse_toppling_anywhere(cases: Sequence[CasePoses]) -> None:
         PoseError: as ``Machine.at`` does.
     """
 
-    def error_at(case: CasePoses, _: int, rigid: RigidPoses) -> list[TopplingError]:
+    def error_at(case: CasePoses, rigid: RigidPoses) -> list[TopplingError]:
         try:
             case.machine.at(rigid)
         except TopplingError as error:

@@ -249,18 +249,18 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     values = np.empty((len(columns), ends[-1]))
     parts = np.empty((3 + bool(machine.springs), ends[-1]))
     limiting = np.empty(ends[-1], dtype=int)
-    starts = dict(zip(cases, ends[:-1], strict=True))
+    filled = dict(zip(cases, ends[:-1], strict=True))
 
-    def write(case: CasePoses, first: int, rigid: RigidPoses) -> None:
+    def at_some(case: CasePoses, rigid: RigidPoses) -> tuple[Array, Array, Array]:
         poses = poses_of(cases, case, rigid)
         modes = _modes(case.machine, poses)
-        rows = slice(starts[case] + first, starts[case] + first + len(poses))
-        values[:, rows] = _values(machine, poses, modes)
-        parts[:, rows] = _stiffness_parts(poses, modes)
-        limiting[rows] = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+        largest = energy_shares(poses, modes)[:, 0].argmax(axis=1)
+        return _values(machine, poses, modes), _stiffness_parts(poses, modes), largest
 
-    for _ in in_chunks(cases, write, f"{machine.name}: frequencies"):
-        pass
+    for case, of_some in in_chunks(cases, at_some, f"{machine.name}: frequencies"):
+        rows = slice(filled[case], filled[case] + len(of_some[2]))
+        values[:, rows], parts[:, rows], limiting[rows] = of_some
+        filled[case] = rows.stop
     lowest = np.split(values[columns.index("f1_hz")], ends[1:-1])
     worst = [refined(case, of_case) for case, of_case in zip(cases, lowest, strict=True)]
     names = np.array([case.name for case in cases], dtype=object)
@@ -326,7 +326,7 @@ def _values(machine: Machine, poses: Poses, modes: Modes) -> Array:
         *(modes.frequencies, modes.locked_frequencies, modes.rigid_frequencies),
         *(poses.cylinder_forces, poses.extensions[:, : len(machine.cylinders)]),
     )
-    return np.concatenate([of_poses.T for of_poses in columns])
+    return np.concatenate(columns, axis=1).T
 
 
 def _stiffness_parts(poses: Poses, modes: Modes) -> Array:

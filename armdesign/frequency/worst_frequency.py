@@ -103,7 +103,7 @@ def lowest_of_poses(
     first = of_machines[0]
     found: list[list[Array]] = [[] for _ in first]
 
-    def lowest(case: CasePoses, _: int, rigid: RigidPoses) -> tuple[int, Array]:
+    def lowest(case: CasePoses, rigid: RigidPoses) -> tuple[int, Array]:
         k = first.index(case)
         poses = poses_of(first, case, rigid)
         others = (poses_of(cases, cases[k], poses) for cases in of_machines[1:])
@@ -203,12 +203,8 @@ def _starts(case: CasePoses, frequency: Array) -> tuple[Array, Array]:
 
     And their frequencies [Hz], of those of all its poses (m,).
     """
-    span, most = np.ptp(case.workspace.ranges, axis=1), max(200, len(frequency) // 20)
-    lowest = np.arange(len(frequency))
-    if most < len(frequency):
-        lowest = np.argpartition(frequency, most)[:most]
-    left = lowest[np.lexsort((lowest, frequency[lowest]))]
-    q = case.workspace.q[case.indices]
+    q, span = case.workspace.q[case.exists], np.ptp(case.workspace.ranges, axis=1)
+    left = np.argsort(frequency)[: max(200, len(q) // 20)]
     chosen: list[int] = []
     while len(left) > 0 and len(chosen) < STARTS:
         chosen.append(int(left[0]))

@@ -77,7 +77,7 @@ def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tu
     cases = list(load_cases(machine, workspace))
     parts: dict[CasePoses, list[Array]] = {case: [] for case in cases}
 
-    def lowest(case: CasePoses, _: int, rigid: RigidPoses) -> Array:
+    def lowest(case: CasePoses, rigid: RigidPoses) -> Array:
         return lowest_frequency(poses_of(cases, case, rigid))
 
     for case, frequencies in in_chunks(cases, lowest, f"{machine.name}: worst pose"):
