@@ -7,6 +7,7 @@ again in a new one, one by one, so that the one that kills its worker is known b
 from __future__ import annotations
 
 import os
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -26,6 +27,7 @@ from armdesign.sweeps.worker import (
 )
 
 TRIES = 3  # of a case whose worker dies
+TAKEN = 5.0  # [s] within which a pool's thread takes the cases that it was given
 
 Running = dict["Future[Outcome]", Case]
 
@@ -57,7 +59,7 @@ def on_processes(
             yield from outcomes
             if not lost:
                 continue
-            _end(pool)
+            _end(pool, running)
             for case in lost:
                 deaths[case.key] += 1
                 if deaths[case.key] == TRIES:
@@ -67,7 +69,7 @@ def on_processes(
                     waiting.appendleft(case)
             pool = _pool(study, workers)
     finally:
-        _end(pool)
+        _end(pool, running)
 
 
 def _fill(
@@ -118,5 +120,17 @@ def _pool(study: Study, workers: int) -> Any:
         )
 
 
-def _end(pool: Any) -> None:
+def _end(pool: Any, running: Running) -> None:
+    """End the pool's processes, whatever they do.
+
+    First its thread must have taken all cases: one that was given to it just before would end the
+    thread in a ``KeyError``, whose traceback Python prints.
+    """
+    until = time.monotonic() + TAKEN
+    while any(_waits(future) for future in running) and time.monotonic() < until:
+        time.sleep(1e-3)
     pool.shutdown(wait=True, kill_workers=True)
+
+
+def _waits(future: Future[Outcome]) -> bool:
+    return not (future.running() or future.done())

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from concurrent.futures import wait
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.errors import MachineFileError, raise_together
+from armdesign.sweeps import processes
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0]}
 
@@ -144,6 +146,32 @@ def test_what_is_no_answer_is_said_in_words_and_for_good(
     ]
     assert sweep.frame.loc[4, ["z", "y", "x", "w"]].tolist() == [1.5, 0.5, 10**30, True]
     assert ad.sweep("paper_1dof", task=answers_with, **how).kept == (5 if journal else 0)
+
+
+@pytest.mark.slow
+def test_an_interruption_just_after_cases_were_given_leaves_no_traceback(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of the thread that gives them to workers, which looks at them only afterwards."""
+    of_threads: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", of_threads.append)
+    waits, interval = list[object](), sys.getswitchinterval()
+
+    def wait_once(*given: Any, **how: Any) -> Any:
+        waits.append(given)
+        if len(waits) == 2:
+            raise KeyboardInterrupt
+        completed = wait(*given, **how)
+        sys.setswitchinterval(1.0)  # [s] no other thread runs until this one waits
+        return completed
+
+    monkeypatch.setattr(processes, "wait", wait_once)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            ad.sweep("paper_1dof", MODULI, "map", points=2, workers=2)
+    finally:
+        sys.setswitchinterval(interval)
+    assert of_threads == []
 
 
 def locked() -> Callable[..., Mapping[str, Any]]:
