@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import sys
+from pathlib import Path
 
 from armdesign.streams import replace_closed
 
@@ -35,5 +36,13 @@ def main() -> None:
         gc.freeze()
 
 
+def leave_out_current_folder() -> None:
+    """Import nothing from it, which ``python -m`` puts first: a machine's folder holds data."""
+    found_there = Path(__file__).parents[1]
+    if not sys.flags.safe_path and sys.path[0] == os.getcwd() != str(found_there):
+        del sys.path[0]
+
+
 if __name__ == "__main__":
+    leave_out_current_folder()
     main()

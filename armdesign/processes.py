@@ -1,21 +1,42 @@
-"""Processes that are begun: they leave Ctrl-C to the one that began them."""
+"""Processes that are begun: Ctrl-C and the current folder are the business of who began them."""
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+SAFE_PATH = "PYTHONSAFEPATH"  # with it Python looks for no modules in the current folder
+
 
 @contextmanager
-def without_interrupts() -> Iterator[None]:
-    """Context in which pools of loky and their processes begin, which Ctrl-C then never reaches.
+def begun_apart() -> Iterator[None]:
+    """Context in which pools of loky and their processes begin, apart from what surrounds them.
 
-    It waits meanwhile. Processes that ignored it once they run would end in a traceback while
-    they are loaded. Those that clean up, one of loky and one of Python, begin before: they must
-    outlive all others, also a closed terminal, or they are begun anew and complain.
+    They import nothing from the current folder: a machine's holds data, whatever its files are
+    called. What this process imports from elsewhere, they find there.
+
+    Ctrl-C never reaches them; it waits meanwhile. Processes that ignored it once they run would
+    end in a traceback while they are loaded. Those that clean up, one of loky and one of Python,
+    begin before: they must outlive all others, also a closed terminal, or they are begun anew and
+    complain.
     """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        with _without_interrupts():
+            yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -48,6 +69,6 @@ def in_processes(tasks: Iterable[Any], workers: int, *, ordered: bool = False) -
     from joblib import Parallel
 
     kind = "generator" if ordered else "generator_unordered"
-    with without_interrupts():
+    with begun_apart():
         results: Iterator[Any] = Parallel(workers, return_as=kind)(tasks)
     return results

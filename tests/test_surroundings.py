@@ -13,6 +13,9 @@ import pytest
 from tests.commands import ARMDESIGN, Refused, assert_one_line, run
 
 ROOT = Path(__file__).parent.parent
+CONSOLE = (  # as the installed command begins, whose own folder Python puts first
+    "import sys; del sys.path[0]; from armdesign.__main__ import main; main()"
+)
 FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device here")
 
 
@@ -21,6 +24,26 @@ def test_as_a_module(tmp_path: Path) -> None:
     run_of = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
     assert run_of.returncode == 0
     assert "--help" in run_of.stdout
+
+
+LIBRARIES = "psutil", "joblib", "glob", "numpy", "runpy", "typer"  # or that they import
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("starts", [["-m", "armdesign"], ["-c", CONSOLE]], ids=["m", "console"])
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_nothing_is_imported_from_the_current_folder(
+    starts: list[str], workers: str, tmp_path: Path
+) -> None:
+    """Nor by the processes that a command begins: a folder of machines holds data."""
+    for name in LIBRARIES:
+        (tmp_path / f"{name}.py").write_text("open('run', 'a').close()")
+    words = ["optimize", "paper_1dof", "--points", "3", "--workers", workers, "--quiet"]
+    finished = subprocess.run(
+        [sys.executable, *starts, *words], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert (finished.returncode, finished.stderr) == (0, "")
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(("asked", "expected"), [({}, {1}), ({"OPENBLAS_NUM_THREADS": "2"}, {2})])

@@ -1,7 +1,8 @@
 """The journal: an SQLite file with a row for every finished case.
 
 It is written by one process, a transaction per case, synchronously to the disk, so that a case is
-there or is not. SQLite's lock on the file, which ends with its process, keeps a second run out.
+there or is not. A lock of the system on the file, and SQLite's own, both of which end with the
+process, keep a second run out.
 Answers are JSON, whose numbers keep every bit; nothing in it is ever run.
 """
 
@@ -19,6 +20,7 @@ from typing import Any
 
 from armdesign.errors import ArmDesignError, printable
 from armdesign.journal.keys import canonical, digest
+from armdesign.journal.lock import held
 
 FORMAT = 1  # of the tables
 APPLICATION = 0x61726D64  # "armd": what other programs know the file by
@@ -78,22 +80,23 @@ class Journal:
                 other files or another version.
         """
         self.path, self._otherwise, self.served = path, otherwise, False
-        with self._in_words():
+        self._file = path.absolute()  # wherever a task goes
+        with self._in_words(), contextlib.ExitStack() as opened:
+            self._refuse_places()
+            if new and self._file.exists():
+                with held(self._file, PATIENCE):
+                    self._refuse_others()
+                    _set_aside(self._file)
+            there = self._file.exists()
+            self._fresh = [one for one in self._file.parents if not one.exists()]
+            opened.enter_context(held(self._file, PATIENCE))
             self._refuse_others()
-            if new:
-                _set_aside(path)
-            self._refuse_emptied()
-            self._fresh = [one for one in path.absolute().parents if not one.exists()]
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._database = _connected(path)
-        try:
-            with self._in_words():
-                self._begin_or_check(files, version)
-                if not path.exists():  # a run that kept nothing took it away as this one began
-                    raise self._in_use()
-        except BaseException:
-            self._database.close()
-            raise
+            if there:
+                self._refuse_emptied()
+            self._database = _connected(self._file)
+            opened.callback(self._close)
+            self._begin_or_check(files, version)
+            self._opened = opened.pop_all()
 
     def __enter__(self) -> Journal:
         return self
@@ -104,13 +107,19 @@ class Journal:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        goes = self.served or self._has_cases() is False
+        with self._opened:
+            goes = self.served or self._has_cases() is False
+            self._close()
+            if goes:
+                self._remove()
+
+    def _close(self) -> None:
         with contextlib.suppress(sqlite3.Error):  # a full disk; all cases are in the log beside
             self._database.close()
-        if not goes:
-            return
-        for end in ("", "-wal", "-shm"):
-            self.path.with_name(self.path.name + end).unlink(missing_ok=True)
+
+    def _remove(self) -> None:
+        for end in ("-wal", "-shm", ""):
+            self._file.with_name(self._file.name + end).unlink(missing_ok=True)
         for folder in self._fresh:  # the innermost first
             with contextlib.suppress(OSError):  # not there, or not empty
                 folder.rmdir()
@@ -203,30 +212,32 @@ class Journal:
             together = canonical({**before, **files})
             execute("UPDATE about SET value = ? WHERE name = 'files'", [together])
 
-    def _refuse_others(self) -> None:
-        """Raise for a place that is no file, or holds what no journal begins with."""
-        path, place = self.path, str(self.path)
+    def _refuse_places(self) -> None:
+        """Raise for a place that is no file."""
+        path, place = self._file, str(self.path)
         if path.is_symlink() and not path.exists():
             raise ArmDesignError(place, "is a link to nothing", "remove it, or name another file")
         if not path.name or "\0" in place or (path.exists() and not path.is_file()):
             raise ArmDesignError(place, "is no regular file", "name another for the journal")
-        if path.exists():
-            with path.open("rb") as file:
-                head = file.read(HEAD)
-            log = path.with_name(f"{path.name}-wal")  # may have what the head has not yet
-            made = len(head) == HEAD and any(head[TABLES]) and not log.exists()
-            other = made and head[PROGRAM] != APPLICATION.to_bytes(4)
-            if other or not MAGIC.startswith(head[: len(MAGIC)]):
-                raise ArmDesignError(place, "is no journal", MOVE)
+
+    def _refuse_others(self) -> None:
+        """Raise for a file that holds what no journal begins with."""
+        with self._file.open("rb") as file:
+            head = file.read(HEAD)
+        log = self._file.with_name(f"{self._file.name}-wal")  # may have what the head has not yet
+        made = len(head) == HEAD and any(head[TABLES]) and not log.exists()
+        other = made and head[PROGRAM] != APPLICATION.to_bytes(4)
+        if other or not MAGIC.startswith(head[: len(MAGIC)]):
+            raise ArmDesignError(str(self.path), "is no journal", MOVE)
 
     def _refuse_emptied(self) -> None:
         """Raise for a file without its head, which SQLite would begin anew.
 
         One without a byte may have been killed as it was begun; beside a log it was not.
         """
-        log = self.path.with_name(f"{self.path.name}-wal")
+        log = self._file.with_name(f"{self._file.name}-wal")
         with contextlib.suppress(OSError):
-            size = self.path.stat().st_size
+            size = self._file.stat().st_size
             if 0 < size < HEAD or (size == 0 and log.stat().st_size > 0):
                 raise self._damaged()
 
@@ -244,6 +255,8 @@ class Journal:
         place = str(self.path)
         try:
             yield
+        except BlockingIOError:
+            raise self._in_use() from None
         except OSError as error:
             fault = f"cannot be written ({error.strerror})"
             raise ArmDesignError(f"{place:.60}", fault, "name another folder") from None
@@ -265,9 +278,11 @@ class Journal:
 
 
 def _connected(path: Path) -> sqlite3.Connection:
-    """A connection that holds the file's lock until it is closed or its process ends."""
-    place = str(path.absolute())  # a relative one may read as a URI or ":memory:"
-    database = sqlite3.connect(place, timeout=PATIENCE, isolation_level=None)
+    """A connection that holds SQLite's lock of a file, whose path is absolute.
+
+    A relative one may read as a URI or ":memory:".
+    """
+    database = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
     try:
         database.execute("PRAGMA locking_mode = EXCLUSIVE")
         database.execute("PRAGMA journal_mode = WAL")

@@ -119,11 +119,16 @@ def _png(fig: Figure) -> bytes:
 
 
 def style() -> Any:
-    """Context in which all that is drawn has the one style of the package."""
+    """Context in which all that is drawn has the one style of the package.
+
+    Else it is drawn as matplotlib does by itself, whatever a ``matplotlibrc`` says: pictures are
+    the same everywhere, and no words are handed to TeX.
+    """
     import matplotlib
     from cycler import cycler
 
-    chosen: Any = {**STYLE, "axes.prop_cycle": cycler(color=ACTUATORS)}
+    usual = {k: v for k, v in matplotlib.rcParamsDefault.items() if not k.startswith("backend")}
+    chosen: Any = {**usual, **STYLE, "axes.prop_cycle": cycler(color=ACTUATORS)}
     return matplotlib.rc_context(chosen)
 
 

@@ -14,7 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from armdesign.processes import without_interrupts
+from armdesign.processes import begun_apart
 from armdesign.sweeps.cases import Case
 from armdesign.sweeps.worker import (
     ONE_THREAD,
@@ -87,7 +87,7 @@ def _fill(
             return
         case = waiting.popleft()
         try:
-            with without_interrupts():  # the first case begins all processes
+            with begun_apart():  # the first case begins all processes
                 running[pool.submit(answer, study.name, case)] = case
         except BrokenProcessPool as error:  # a worker died since the last case came back
             future: Future[Outcome] = Future()
@@ -114,7 +114,7 @@ def _completed(running: Running) -> tuple[list[tuple[Case, Outcome]], list[Case]
 def _pool(study: Study, workers: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
 
-    with without_interrupts():
+    with begun_apart():
         return ProcessPoolExecutor(
             workers, initializer=prepare_process, initargs=(study, os.getpid()), env=ONE_THREAD
         )

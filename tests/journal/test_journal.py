@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from armdesign import ArmDesignError
+from armdesign.journal import lock as journal_lock
 from armdesign.journal.journal import HEAD, MAGIC, Entry, Journal
 from armdesign.journal.keys import digest
 
@@ -108,18 +109,87 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
         opened(Path("a" * 300))
 
 
-def test_a_journal_that_goes_as_another_run_begins_is_in_use(
+@pytest.mark.parametrize("what", ["nothing", "second run", "copy"])
+def test_a_journal_is_locked_whatever_its_own_process_does(tmp_path: Path, what: str) -> None:
+    """POSIX drops the locks of a process, SQLite's too, when any part of it closes the file."""
+    path = tmp_path / "j.sqlite"
+    with opened(path) as journal:
+        journal.keep("a", "case", Entry(answer={"x": 1}, seconds=0.1))
+        if what == "second run":
+            with pytest.raises(ArmDesignError, match="another run writes it"):
+                opened(path)
+        elif what == "copy":
+            shutil.copy(path, tmp_path / "copy")
+        other = subprocess.run([sys.executable, "-c", HOLD, str(path)], stderr=-1, text=True)
+        assert "another run writes it" in other.stderr
+    with opened(path) as journal:
+        assert list(journal.entries()) == ["a"]
+
+
+def test_a_journal_goes_before_another_run_can_have_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = Journal._begin_or_check
+    path, remove = tmp_path / "folder" / "j.sqlite", Journal._remove
 
-    def gone(journal: Journal, files: dict[str, str], version: str) -> None:
-        real(journal, files, version)
-        journal.path.unlink()
+    def slowly(journal: Journal) -> None:
+        with pytest.raises(ArmDesignError, match="another run writes it; wait for that"):
+            opened(path)
+        remove(journal)
 
-    monkeypatch.setattr(Journal, "_begin_or_check", gone)
-    with pytest.raises(ArmDesignError, match="another run writes it; wait for that"):
-        opened(tmp_path / "j.sqlite")
+    monkeypatch.setattr(Journal, "_remove", slowly)
+    with opened(path):
+        pass
+    assert not path.parent.exists()
+
+
+@pytest.mark.parametrize("anew", [False, True])
+def test_what_is_locked_is_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, anew: bool
+) -> None:
+    """The file that was opened went, with its folder, before it was locked."""
+    path, lock = tmp_path / "folder" / "j.sqlite", journal_lock._lock
+
+    def too_late(descriptor: int) -> None:
+        monkeypatch.setattr(journal_lock, "_lock", lock)
+        path.unlink()
+        if anew:
+            path.touch()
+        else:
+            path.parent.rmdir()
+        lock(descriptor)
+
+    monkeypatch.setattr(journal_lock, "_lock", too_late)
+    filled(path, 2)
+    with opened(path) as journal:
+        assert len(journal.entries()) == 2
+
+
+def test_a_forked_process_does_not_hold_the_lock_on(tmp_path: Path) -> None:
+    fork = "    import os\n    os.fork() or time.sleep(60)\n    os._exit(0)"  # as if killed
+    words = [sys.executable, "-c", HOLD.replace("    time.sleep(60)", fork), tmp_path / "j.sqlite"]
+    with subprocess.Popen(words, stdout=-1, text=True, start_new_session=True) as parent:
+        assert parent.stdout
+        assert parent.stdout.readline() == "open\n"
+        parent.wait()
+        try:
+            with opened(tmp_path / "j.sqlite") as journal:
+                assert list(journal.entries()) == ["k"]
+        finally:
+            os.killpg(parent.pid, signal.SIGKILL)
+
+
+def test_a_journal_stays_where_it_began_wherever_a_task_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    for folder in (here, there):
+        folder.mkdir()
+    (there / "j.sqlite").write_text("a user's")
+    monkeypatch.chdir(here)
+    with opened(Path("j.sqlite")):
+        os.chdir(there)
+    assert (there / "j.sqlite").read_text() == "a user's"
+    assert not list(here.iterdir())
 
 
 def test_a_link_to_nothing_is_not_followed(tmp_path: Path) -> None:

@@ -95,3 +95,19 @@ def test_titles_that_fit_stay_as_they_are() -> None:
     assert canvas.wrapped("", 3.0, 9.0) == [""]
     assert canvas.wrapped("one two", 0.5, 9.0) == ["one", "two"]
     assert canvas.wrapped("delay 1.47 s", 0.6, 9.0) == ["delay", "1.47 s"]
+
+
+@pytest.mark.parametrize("setting", ["text.usetex: True", "axes.facecolor: red", "hatch.color: r"])
+def test_pictures_are_the_same_whatever_a_user_sets(setting: str, tmp_path: Path) -> None:
+    """In a ``matplotlibrc``, also of the current folder; without LaTeX the first was an error."""
+    import matplotlib
+
+    (tmp_path / "matplotlibrc").write_text(setting)
+    usual = _picture()
+    with matplotlib.rc_context(fname=tmp_path / "matplotlibrc"):
+        assert _picture() == usual
+
+
+def _picture() -> bytes:
+    shown: Any = named("paper_1dof").plot()
+    return bytes(shown._repr_png_())
