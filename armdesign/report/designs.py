@@ -12,7 +12,7 @@ import numpy as np
 from armdesign.report.bands import bands_sheet, is_assumed
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
-from armdesign.report.maps import LOWEST, between_poses, spread_sheet
+from armdesign.report.maps import LOWEST, between_poses, spread_sheet, too_few_poses
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, limiting_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units, percent, share_text
@@ -69,6 +69,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     }
     notes = [
         *filter(None, [between_poses({"today": design.before, "new": design.after})]),
+        *filter(None, [too_few_poses(design.before, design.after)]),
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
         f"{made_for.get(design.made_for, '')}before rounding {_reached(design, design.unrounded)}",
         *filter(None, [limiting_note(design.machine, after.cylinder)]),

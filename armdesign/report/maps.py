@@ -63,6 +63,18 @@ def between_poses(maps: Mapping[str, FrequencyMap]) -> str:
     return f"the worst is sought between the poses too; {LOWEST}: {words}"
 
 
+def too_few_poses(before: FrequencyMap, after: FrequencyMap) -> str:
+    """Note on a design of which the worst poses between those of the workspace take half."""
+    if before.worst.frequency == 0:
+        return ""
+    gain = after.worst.frequency / before.worst.frequency - 1
+    at_poses = after.lowest.min() / before.lowest.min() - 1
+    if at_poses < NOTABLE or gain > at_poses / 2:
+        return ""
+    gained = f"the search looks at the poses alone, where it gained {percent(at_poses)}"
+    return f"{gained}: with more --points it sees more of what is between them"
+
+
 def _bands_sheet(frequencies: FrequencyMap) -> Sheet:
     """The lowest frequency within the file's bands, or why there is none at their soft end."""
     machine, bands = frequencies.machine, Bands.shown(frequencies.machine)

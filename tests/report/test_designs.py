@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign.report.design_report import bandwidth_rows, bandwidth_section
 from armdesign.report.designs import design_sheets
 from armdesign.report.least import least_sentence
+from armdesign.report.maps import too_few_poses
 from armdesign.units import WORKSHOP
 from tests.design.designs import MACHINES, workspace_of
 
@@ -69,3 +73,19 @@ def test_the_least_oil_of_a_small_machine_has_three_digits() -> None:
     assert least_sentence(design, "oil").startswith(
         f"Oil of all cap sides: {today:.3f} → {new:.3f} l ("
     )
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [(1.00, "where it gained +20.0 %: with more --points"), (0.9, "+20.0 %"), (1.11, "")],
+)
+def test_what_is_lost_between_few_poses_is_said(new: float, words: str) -> None:
+    def found(worst: float, lowest: float) -> Any:
+        return SimpleNamespace(
+            worst=SimpleNamespace(frequency=worst), lowest=np.array([lowest, 2])
+        )
+
+    note = too_few_poses(found(1.0, 1.1), found(new, 1.32))
+    assert words in note
+    assert bool(words) == bool(note)
+    assert too_few_poses(found(0.0, 0.0), found(new, 1.32)) == ""
