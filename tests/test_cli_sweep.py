@@ -25,6 +25,7 @@ points = 3
 fluid.bulk_modulus_MPa = [900, 1000, 1200]
 "cylinder.lift.stroke_mm" = [200, 190, -5]
 """
+TWICE = 'machine = "paper_1dof"\n'
 LOGGED = 200_000  # [bytes] of some twenty cases: all that they need is imported by then
 
 
@@ -131,6 +132,12 @@ def test_a_wrong_study_is_one_line(
 )
 def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
     number: int, workers: int, tmp_path: Path
+        (f'{TWICE}[grid]\na.b = [1]\n"a.b" = [2]', "study.toml: grid.a.b: is there twice; leave"),
+        (f'{TWICE}[[case]]\na.b = 1\n"a.b" = 2', "study.toml: case.a.b: is there twice; leave"),
+        (
+            f'{TWICE}[sobol]\ncount = 2\n[sobol.ranges]\na.b = [1, 2]\n"a.b" = [1, 2]',
+            "study.toml: sobol.ranges.a.b: is there twice; leave",
+        ),
 ) -> None:
     """A terminal sends its signals to all processes of the command."""
     moduli = ", ".join(str(900 + n) for n in range(400))
