@@ -194,6 +194,28 @@ def test_an_interruption_counts_all_cases_and_drops_new_alone(
         assert words[2:] == ["--out", "o --newer", "--workers", "1"]
 
 
+def test_the_name_of_a_journal_that_is_set_aside_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """After an interruption without a case, too, which leaves no other journal."""
+    from armdesign.sweeps import tasks
+
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    text, out = f"{STUDY.partition('[')[0]}\n", tmp_path / "out"
+    words = ["sweep", written(tmp_path, text), "--out", str(out), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    assert "earlier" not in capsys.readouterr().err
+    said = "armdesign: the earlier journal is kept as {}\n"
+    assert main([*words, "--new"], monkeypatch) == 0
+    assert said.format(out / "sweep.1.sqlite") in capsys.readouterr().err
+    monkeypatch.setitem(tasks.TASKS, "map", interrupted)
+    assert main([*words, "--new"], monkeypatch) == 130
+    assert said.format(out / "sweep.2.sqlite") in capsys.readouterr().err
+    assert not (out / "sweep.sqlite").exists()
+
+
 def test_a_folder_whose_name_begins_with_a_tilde(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
