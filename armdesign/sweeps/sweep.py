@@ -23,11 +23,9 @@ from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
 from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
 from armdesign.sweeps.cases import Case, Changes, all_changes, refuse_many, sobol_changes
-from armdesign.sweeps.numbers import Numbers
+from armdesign.sweeps.numbers import Numbers, names_of_changes
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
-
-VARYING = "new.", "bandwidth"  # how names of answers begin that some cases may not have
 
 
 class Variants(TypedDict, total=False):
@@ -203,18 +201,17 @@ class _CaseRunner:
         Our own tasks have the same ones for all cases of a machine, but for what a design changes.
         """
         if isinstance(self.study.task, str) and self.answered == set(self.study.machines):
-            self._refuse_unknown_outputs(outcomes, varying=VARYING)
+            self._refuse_unknown_outputs(outcomes)
 
-    def _refuse_unknown_outputs(
-        self, outcomes: Iterable[Entry], varying: tuple[str, ...] = ()
-    ) -> None:
-        """Raise for chosen answers that no case has, if any case has answers.
-
-        But for those whose names begin with ``varying``.
-        """
+    def _refuse_unknown_outputs(self, outcomes: Iterable[Entry]) -> None:
+        """Raise for chosen answers that no case has or could have, if any case has answers."""
         known = names_of(outcomes)
+        if not known or set(known).issuperset(self.outputs or ()):
+            return
+        if self.study.task == "design":
+            known += names_of_changes(self.study.machines.values())
         for name in self.outputs or ():
-            if known and name not in known and not name.startswith(varying):
+            if name not in known:
                 raise ArmDesignError("outputs", f"no case has {name!r}", choose(name, known))
 
     def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
