@@ -93,7 +93,10 @@ def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
     """
     table = table.copy()
     for name in table:
-        kinds = set(table[name].dropna().map(type)) if table[name].dtype == object else set()
-        if len(kinds) > 1 or not kinds <= {str, bool, float}:
+        values = list(table[name].dropna()) if table[name].dtype == object else []
+        kinds = set(map(type, values))
+        if kinds == {int} and max(map(abs, values)) < 2**63:  # beside cases without a number
+            table[name] = table[name].astype("Int64")
+        elif len(kinds) > 1 or not kinds <= {str, bool, float}:
             table[name] = [value if value is None else str(value) for value in table[name]]
     return table

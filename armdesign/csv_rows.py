@@ -39,7 +39,13 @@ def plain_text(text: str) -> str:
 
 def plain_cells(table: pd.DataFrame) -> pd.DataFrame:
     """The table with every text in its heads and cells as ``plain_text``, and printable."""
-    plain = table.map(lambda cell: plain_text(printable(cell)) if isinstance(cell, str) else cell)
+    import pandas as pd
+
+    plain = table.copy()
+    for k, (_, column) in enumerate(table.items()):
+        if column.dtype.kind == "O":  # in which whole numbers keep all digits
+            cells = [plain_text(printable(c)) if isinstance(c, str) else c for c in column]
+            plain.isetitem(k, pd.Series(cells, index=column.index, dtype=object).array)
     return plain.rename(columns=lambda name: plain_text(printable(str(name))))
 
 

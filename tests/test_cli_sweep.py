@@ -66,6 +66,26 @@ def test_a_column_of_words_and_numbers_is_words_in_parquet(
     assert [error == "" for error in frame["error"]] == [True, False]
 
 
+def test_large_whole_numbers_are_whole_in_the_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a case that failed; floats have 53 bits."""
+    from armdesign.sweeps import tasks
+
+    def large(machine: ad.Machine, _: ad.Workspace) -> dict[str, int]:
+        if machine.section.fluid.bulk_modulus_MPa == 900.0:
+            raise ValueError
+        return {"n": 2**60 + 1}
+
+    monkeypatch.setitem(tasks.TASKS, "map", large)
+    words = ["sweep", written(tmp_path), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    lines = (tmp_path / "out" / "sweep.csv").read_text().splitlines()
+    assert f",{2**60 + 1}," in lines[-2]
+    column = pd.read_parquet(tmp_path / "out" / "sweep.parquet")["n"]
+    assert (column.dtype, set(column.dropna())) == ("Int64", {2**60 + 1})
+
+
 def test_a_study_without_an_answer_ends_with_code_2(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -112,6 +132,12 @@ def test_set_changes_every_machine_of_a_study(
         ('machine = "paper_1dof"\n[sobol]\ncount = 4', "sobol.ranges: is missing"),
         ('machine = "paper_1dof"\ncase = [3]', "is no case"),
         ("machine = [", "study.toml"),
+        (f'{TWICE}[grid]\na.b = [1]\n"a.b" = [2]', "study.toml: grid.a.b: is there twice; leave"),
+        (f'{TWICE}[[case]]\na.b = 1\n"a.b" = 2', "study.toml: case.a.b: is there twice; leave"),
+        (
+            f'{TWICE}[sobol]\ncount = 2\n[sobol.ranges]\na.b = [1, 2]\n"a.b" = [1, 2]',
+            "study.toml: sobol.ranges.a.b: is there twice; leave",
+        ),
     ],
 )
 def test_a_wrong_study_is_one_line(
@@ -132,12 +158,6 @@ def test_a_wrong_study_is_one_line(
 )
 def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
     number: int, workers: int, tmp_path: Path
-        (f'{TWICE}[grid]\na.b = [1]\n"a.b" = [2]', "study.toml: grid.a.b: is there twice; leave"),
-        (f'{TWICE}[[case]]\na.b = 1\n"a.b" = 2', "study.toml: case.a.b: is there twice; leave"),
-        (
-            f'{TWICE}[sobol]\ncount = 2\n[sobol.ranges]\na.b = [1, 2]\n"a.b" = [1, 2]',
-            "study.toml: sobol.ranges.a.b: is there twice; leave",
-        ),
 ) -> None:
     """A terminal sends its signals to all processes of the command."""
     moduli = ", ".join(str(900 + n) for n in range(400))
