@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
@@ -153,7 +154,9 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
         machine = replace(machine, payloads=(machine.payload,))
     workspace = study.workspace or Workspace.grid(machine, study.points)
     task = task_named(study.task) if isinstance(study.task, str) else study.task
-    plain = _plain(task(machine, workspace, **study.options, **case.options))
+    # a copy for each case, as other processes have one, in an order that the key knows
+    options = deepcopy(dict(sorted({**study.options, **case.options}.items())))
+    plain = _plain(task(machine, workspace, **options))
     for name in plain:
         if name in study.columns:
             fault = "is the name of another column"
