@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armdesign.csv_rows import plain_cells
 from armdesign.errors import ArmDesignError
 from armdesign.options import FreshOption, ProcessesOption, SchedulerOption, StudyArgument
-from armdesign.output import command_line, kept
+from armdesign.output import command_line, kept, tell
 from armdesign.runs import OfMachines, command, processors
 
 if TYPE_CHECKING:
@@ -40,7 +44,7 @@ def sweep(
 
     out = run.folder(study)
     try:
-        with run.progress("sweeping"):
+        with _telling_of_earlier(out, run.quiet), run.progress("sweeping"):
             answers = swept(
                 **read_study(study, run.load),
                 workers=processors() if workers is None else workers,
@@ -66,6 +70,22 @@ def sweep(
         run.refuse([ArmDesignError(str(study), fault, "see the column error of sweep.csv")])
 
 
+@contextmanager
+def _telling_of_earlier(out: Path, quiet: bool) -> Iterator[None]:
+    """Say after the block, however it ends, by which name it set an earlier journal aside."""
+    before = _set_aside(out)
+    try:
+        yield
+    finally:
+        for path in () if quiet else sorted(_set_aside(out) - before):
+            tell(f"armdesign: the earlier journal is kept as {path}", sys.stderr)
+
+
+def _set_aside(out: Path) -> set[Path]:
+    """Journals in a folder that are set aside."""
+    return set(out.glob(f"{Path(JOURNAL).stem}.*{Path(JOURNAL).suffix}"))
+
+
 def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
     """The table with words in place of what a column of Parquet has not.
 
@@ -73,7 +93,10 @@ def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
     """
     table = table.copy()
     for name in table:
-        kinds = set(table[name].dropna().map(type)) if table[name].dtype == object else set()
-        if len(kinds) > 1 or not kinds <= {str, bool, float}:
+        values = list(table[name].dropna()) if table[name].dtype == object else []
+        kinds = set(map(type, values))
+        if kinds == {int} and max(map(abs, values)) < 2**63:  # beside cases without a number
+            table[name] = table[name].astype("Int64")
+        elif len(kinds) > 1 or not kinds <= {str, bool, float}:
             table[name] = [value if value is None else str(value) for value in table[name]]
     return table

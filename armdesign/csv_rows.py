@@ -8,8 +8,11 @@ is a text for every spreadsheet. Reading takes the apostrophe off again.
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections import Counter
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,17 +39,24 @@ def plain_text(text: str) -> str:
 
 def plain_cells(table: pd.DataFrame) -> pd.DataFrame:
     """The table with every text in its heads and cells as ``plain_text``, and printable."""
-    plain = table.map(lambda cell: plain_text(printable(cell)) if isinstance(cell, str) else cell)
+    import pandas as pd
+
+    plain = table.copy()
+    for k, (_, column) in enumerate(table.items()):
+        if column.dtype.kind == "O":  # in which whole numbers keep all digits
+            cells = [plain_text(printable(c)) if isinstance(c, str) else c for c in column]
+            plain.isetitem(k, pd.Series(cells, index=column.index, dtype=object).array)
     return plain.rename(columns=lambda name: plain_text(printable(str(name))))
 
 
 def read_rows(
     path: str | Path, kind: type[ArmDesignError] = ArmDesignError
 ) -> tuple[list[str], list[Row]]:
-    """Names of the columns, and the fields of every row after the number of its line.
+    """Names of the columns, and the fields of every row after the number of its first line.
 
-    Fields are without blanks at their ends, numbers with a decimal point. Lines that begin with
-    ``#`` are comments. Both are empty where the file holds nothing.
+    Fields are without blanks at their ends, numbers with a decimal point; in quotes they may go
+    over several lines. Lines that begin with ``#`` are comments. Both are empty where the file
+    holds nothing.
 
     Args:
         path: of the file.
@@ -62,16 +72,8 @@ def read_rows(
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise kind(str(path) or "CSV file", f"cannot be read ({reason})", remedy) from None
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.startswith("#")
-    ]
-    head = lines[0][1] if lines else ""
-    separator = ";" if head.count(";") > head.count(",") else ","
-    reader = csv.reader([line for _, line in lines], delimiter=separator, strict=True)
     try:
-        rows = [(lines[reader.line_num - 1][0], _fields(row, separator)) for row in reader]
+        rows = list(_rows(text))
     except csv.Error as error:
         raise kind(str(path), f"is no CSV file ({error})", remedy) from None
     names = rows[0][1] if rows else []
@@ -83,6 +85,18 @@ def read_rows(
             fault = f"{len(fields)} fields in line {number}, {len(names)} names"
             raise kind(str(path), fault, "give one field per name")
     return names, rows[1:]
+
+
+def _rows(text: str) -> Iterator[Row]:
+    """Rows of a text, whose fields in quotes may go over several lines."""
+    separator = ""
+    lines = enumerate(io.StringIO(text, newline=""), 1)  # with their ends
+    for number, line in lines:
+        if line.isspace() or line.startswith("#"):
+            continue
+        separator = separator or (";" if line.count(";") > line.count(",") else ",")
+        row = chain([line], (further for _, further in lines))
+        yield number, _fields(next(csv.reader(row, delimiter=separator, strict=True)), separator)
 
 
 def _fields(row: list[str], separator: str) -> list[str]:

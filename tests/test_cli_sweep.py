@@ -25,6 +25,7 @@ points = 3
 fluid.bulk_modulus_MPa = [900, 1000, 1200]
 "cylinder.lift.stroke_mm" = [200, 190, -5]
 """
+TWICE = 'machine = "paper_1dof"\n'
 LOGGED = 200_000  # [bytes] of some twenty cases: all that they need is imported by then
 
 
@@ -63,6 +64,26 @@ def test_a_column_of_words_and_numbers_is_words_in_parquet(
     frame = pd.read_parquet(tmp_path / "out" / "sweep.parquet")
     assert frame["fluid.bulk_modulus_MPa"].tolist() == ["900", "abc"]
     assert [error == "" for error in frame["error"]] == [True, False]
+
+
+def test_large_whole_numbers_are_whole_in_the_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a case that failed; floats have 53 bits."""
+    from armdesign.sweeps import tasks
+
+    def large(machine: ad.Machine, _: ad.Workspace) -> dict[str, int]:
+        if machine.section.fluid.bulk_modulus_MPa == 900.0:
+            raise ValueError
+        return {"n": 2**60 + 1}
+
+    monkeypatch.setitem(tasks.TASKS, "map", large)
+    words = ["sweep", written(tmp_path), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    lines = (tmp_path / "out" / "sweep.csv").read_text().splitlines()
+    assert f",{2**60 + 1}," in lines[-2]
+    column = pd.read_parquet(tmp_path / "out" / "sweep.parquet")["n"]
+    assert (column.dtype, set(column.dropna())) == ("Int64", {2**60 + 1})
 
 
 def test_a_study_without_an_answer_ends_with_code_2(
@@ -111,6 +132,12 @@ def test_set_changes_every_machine_of_a_study(
         ('machine = "paper_1dof"\n[sobol]\ncount = 4', "sobol.ranges: is missing"),
         ('machine = "paper_1dof"\ncase = [3]', "is no case"),
         ("machine = [", "study.toml"),
+        (f'{TWICE}[grid]\na.b = [1]\n"a.b" = [2]', "study.toml: grid.a.b: is there twice; leave"),
+        (f'{TWICE}[[case]]\na.b = 1\n"a.b" = 2', "study.toml: case.a.b: is there twice; leave"),
+        (
+            f'{TWICE}[sobol]\ncount = 2\n[sobol.ranges]\na.b = [1, 2]\n"a.b" = [1, 2]',
+            "study.toml: sobol.ranges.a.b: is there twice; leave",
+        ),
     ],
 )
 def test_a_wrong_study_is_one_line(
@@ -185,6 +212,28 @@ def test_an_interruption_counts_all_cases_and_drops_new_alone(
         words = shlex.split(said.split("go on with: armdesign ")[-1])
         assert words == ["sweep", str(tmp_path / "study.toml"), *words[2:]]
         assert words[2:] == ["--out", "o --newer", "--workers", "1"]
+
+
+def test_the_name_of_a_journal_that_is_set_aside_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """After an interruption without a case, too, which leaves no other journal."""
+    from armdesign.sweeps import tasks
+
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    text, out = f"{STUDY.partition('[')[0]}\n", tmp_path / "out"
+    words = ["sweep", written(tmp_path, text), "--out", str(out), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    assert "earlier" not in capsys.readouterr().err
+    said = "armdesign: the earlier journal is kept as {}\n"
+    assert main([*words, "--new"], monkeypatch) == 0
+    assert said.format(out / "sweep.1.sqlite") in capsys.readouterr().err
+    monkeypatch.setitem(tasks.TASKS, "map", interrupted)
+    assert main([*words, "--new"], monkeypatch) == 130
+    assert said.format(out / "sweep.2.sqlite") in capsys.readouterr().err
+    assert not (out / "sweep.sqlite").exists()
 
 
 def test_a_folder_whose_name_begins_with_a_tilde(

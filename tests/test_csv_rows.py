@@ -23,11 +23,14 @@ SMALL = ["-.5e-3", ""]
         ("a,b\n# c\n\n 1 , x\n", (["a", "b"], [(4, ["1", "x"])])),
         ("\ufeffa;b\n1,5;x,y\n-,5e-3;\n", (["a", "b"], [(2, ["1.5", "x,y"]), (3, SMALL)])),
         ('a,b\n"1,5",2\n', (["a", "b"], [(2, ["1,5", "2"])])),
+        ('a\n"two\nlines"\n\n3\n', (["a"], [(2, ["two\nlines"]), (5, ["3"])])),
+        ('a\r\n"x\r\n\r\n# y"\r\n', (["a"], [(2, ["x\r\n\r\n# y"])])),
+        ("a\nx\u2028y\n", (["a"], [(2, ["x\u2028y"])])),
     ],
 )  # fmt: skip
 def test_rows(text: str, rows: object, tmp_path: Path) -> None:
     path = tmp_path / "some.csv"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8", newline="")
     assert read_rows(path) == rows
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
 from typing import Any
+
+OWN = dict, list, str, int, float, bool, type(None)  # kinds that JSON has
 
 
 def canonical(value: Any) -> str:
@@ -16,6 +19,28 @@ def canonical(value: Any) -> str:
         TypeError: a value without one.
     """
     return json.dumps(value, sort_keys=True, separators=(",", ":"), default=_identity)
+
+
+def exact(value: Any) -> Any:
+    """A value that is canonical JSON equals only for equal values of equal kinds: no list a tuple.
+
+    It is the value itself where all that is in it is of JSON's own kinds.
+    """
+    kinds = list(_kinds(value))
+    return [value, kinds] if kinds else value
+
+
+def _kinds(value: Any, *place: Any) -> Iterator[list[Any]]:
+    """Kinds of what is in a value and not of JSON's own kinds, each after its place."""
+    kind = type(value)
+    if kind not in OWN:
+        yield [*place, f"{kind.__module__}.{kind.__qualname__}"]
+    if isinstance(value, dict):
+        for key in sorted(value):
+            yield from _kinds(value[key], *place, key)
+    elif isinstance(value, list | tuple):
+        for k, one in enumerate(value):
+            yield from _kinds(one, *place, k)
 
 
 def digest(value: Any) -> str:

@@ -27,7 +27,8 @@ def sweep_sheet(frame: pd.DataFrame, kept: int) -> Sheet:
     if len(names) > len(shown):
         notes.append(f"Further columns are in sweep.csv: {', '.join(names[WIDEST:])}.")
     short = _short(told)
-    if alike := [f"{short[n]} {_cell(common[n])}" for n in told if common[n] is not None]:
+    alike = [f"{short[n]} {_cell(common[n])}" for n in told if common[n] is not None]
+    if alike and not failed.all():
         which = "all that did not fail" if failed.any() else "all"
         notes.append(f"The same in {which}: {', '.join(alike)}.")
     if count := int(failed.sum()):

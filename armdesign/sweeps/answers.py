@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from armdesign.plots.canvas import Figure
 
+EXACT = 2**53  # up to which floats have every whole number
 COLUMNS = ("machine", "payload", "seconds", "error")  # of the frame, beside changes and answers
 
 
@@ -65,21 +66,19 @@ class Sweep:
         file's, an answer where the case failed. Options of which several sets were given are
         columns beside the changed values.
         """
-        import pandas as pd
-
         paths = self.paths
         rows = [
             {
                 "machine": case.machine,
                 "payload": case.payload or "",
-                **{path: case.settings.get(path) for path in paths},
+                **{writable(path): _shown(case.settings.get(path)) for path in paths},
                 **{name: one.answer.get(name) for name in self.names},
                 "seconds": one.seconds,
                 "error": one.error,
             }
             for case, one in zip(self.cases, self.outcomes, strict=True)
         ]
-        return pd.DataFrame(rows)
+        return _table(rows)
 
     @property
     def answers(self) -> pd.DataFrame:
@@ -88,14 +87,16 @@ class Sweep:
         Raises:
             ArmDesignError: a case failed; the first is named.
         """
-        import pandas as pd
-
         for name, error in self.failures.items():
             raise ArmDesignError(name, error, "the frame has the other cases")
-        settings = [{"machine": c.machine, "payload": c.payload, **c.settings} for c in self.cases]
-        cases = pd.DataFrame(settings).map(_hashable)
+        settings = [
+            {"machine": case.machine, "payload": case.payload}
+            | {writable(path): _shown(value) for path, value in case.settings.items()}
+            for case in self.cases
+        ]
+        cases = _table(settings).map(_hashable)
         apart = [name for name in cases if cases[name].nunique(dropna=False) > 1]
-        answers = pd.DataFrame(
+        answers = _table(
             [{name: one.answer.get(name) for name in self.names} for one in self.outcomes]
         )
         return answers.set_index(cases.set_index(apart or "machine").index)
@@ -115,6 +116,27 @@ def paths_of(cases: Iterable[Case]) -> tuple[str, ...]:
 def names_of(outcomes: Iterable[Entry]) -> tuple[str, ...]:
     """Names of all answers that any case has."""
     return tuple(dict.fromkeys(name for one in outcomes for name in one.answer))
+
+
+def writable(text: str) -> str:
+    """The text with halves of surrogate pairs, which no file holds, as Python writes them."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def _shown(value: Any) -> Any:
+    return writable(value) if isinstance(value, str) else value
+
+
+def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Rows as a frame, in which whole numbers keep every digit."""
+    import pandas as pd
+
+    table = pd.DataFrame(rows)
+    for name in map(str, table.select_dtypes("float")):
+        values = [row.get(name) for row in rows]
+        if any(isinstance(value, int) and abs(value) > EXACT for value in values):
+            table[name] = pd.Series(values, dtype=object)  # which are no floats
+    return table
 
 
 def _hashable(value: Any) -> Any:

@@ -145,6 +145,38 @@ def all_changes(
     return listed
 
 
+def plain(values: Mapping[str, Any], part: str) -> dict[str, Any]:
+    """Values by name, in new lists and dicts; NumPy's numbers and arrays as Python's.
+
+    The keys of a dict within them are in order.
+
+    Args:
+        values: any.
+        part: that has them, for messages.
+
+    Raises:
+        ArmDesignError: a dict whose keys are no texts, or a list in itself.
+    """
+    try:
+        return {name: _plain(value, f"{part}.{name}") for name, value in values.items()}
+    except RecursionError:
+        fault = "has values within values without end"
+        raise ArmDesignError(part, fault, "give numbers and texts") from None
+
+
+def _plain(value: Any, part: str) -> Any:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        for key in value:
+            if not isinstance(key, str):
+                raise ArmDesignError(part, f"the key {key!r} is no text", "give texts as keys")
+        return {key: _plain(value[key], f"{part}.{key}") for key in sorted(value)}
+    if type(value) in (list, tuple):
+        return type(value)(_plain(one, part) for one in value)
+    return value
+
+
 def refuse_many(count: int) -> None:
     """Raise for no cases, or more than anybody waits for."""
     if not 0 < count <= MOST:
@@ -161,4 +193,4 @@ def _value(text: str) -> Any:
             return kind(text)
         except ValueError:
             continue
-    return {"true": True, "false": False}.get(text, text)
+    return {"true": True, "false": False}.get(text.lower(), text)  # spreadsheets write TRUE

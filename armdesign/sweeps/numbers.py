@@ -5,13 +5,14 @@ Columns of sweeps and ``numbers`` of ``--json`` are these.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
     from armdesign.design.design import Design
     from armdesign.frequency.maps import FrequencyMap
+    from armdesign.machine.machine import Machine
     from armdesign.simulation.validation import Validation
 
 Numbers = Mapping[str, Any]
@@ -90,6 +91,14 @@ def of_design(design: Design) -> Numbers:
         **dict(zip(BANDWIDTHS, design.bandwidths or (), strict=False)),
         **{f"new.{'.'.join(map(str, path))}": new for path, (_, new) in changed.items()},
     }
+
+
+def names_of_changes(machines: Iterable[Machine]) -> tuple[str, ...]:
+    """Names of answers that some designs have and others do not."""
+    from armdesign.machine.file.numbers import numbers_of
+
+    new = (f"new.{path}" for machine in machines for path in numbers_of(machine.section))
+    return tuple(dict.fromkeys([*BANDWIDTHS, *new]))
 
 
 def of_search(design: Design, least: str = "") -> Numbers:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -93,9 +93,10 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if "csv" in data:
         return {"changes": path.parent / data["csv"]}
     if "case" in data:
-        return {"changes": [_flat(c) if isinstance(c, dict) else c for c in data["case"]]}
+        part = f"{path.name}: case"
+        return {"changes": [_flat(c, part) if isinstance(c, dict) else c for c in data["case"]]}
     if "sobol" not in data:
-        return {"changes": _flat(data["grid"])} if "grid" in data else {}
+        return {"changes": _flat(data["grid"], f"{path.name}: grid")} if "grid" in data else {}
     sequence = dict(data["sobol"])
     for key in sequence:
         if key not in ("count", "seed", "ranges"):
@@ -110,12 +111,27 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if not isinstance(ranges, dict):
         remedy = 'give a table [sobol.ranges] with lines as "cylinder.boom.bore_mm" = [100, 130]'
         raise ArmDesignError(f"{path.name}: sobol.ranges", "is missing", remedy)
-    return {"changes": _flat(ranges), "sobol": count, "seed": seed}
+    ranges = _flat(ranges, f"{path.name}: sobol.ranges")
+    return {"changes": ranges, "sobol": count, "seed": seed}
 
 
-def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Values of nested tables by key path, so that paths need no quotes."""
+def _flat(table: Mapping[str, Any], part: str) -> dict[str, Any]:
+    """Values of nested tables by key path, so that paths need no quotes.
+
+    Raises:
+        ArmDesignError: a path is written in two ways, as ``a.b`` and ``"a.b"``.
+    """
     flat: dict[str, Any] = {}
-    for key, value in table.items():
-        flat |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
+    for path, value in _leaves(table):
+        if path in flat:
+            raise ArmDesignError(f"{part}.{path}", "is there twice", "leave one out")
+        flat[path] = value
     return flat
+
+
+def _leaves(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{above}{key}.")
+        else:
+            yield above + key, value

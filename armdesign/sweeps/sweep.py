@@ -17,17 +17,15 @@ from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, is_keeping
 from armdesign.journal.journal import Entry, Journal
-from armdesign.journal.keys import canonical, digest
+from armdesign.journal.keys import canonical, digest, exact
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
 from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
-from armdesign.sweeps.cases import Case, Changes, all_changes, refuse_many, sobol_changes
-from armdesign.sweeps.numbers import Numbers
+from armdesign.sweeps.cases import Case, Changes, all_changes, plain, refuse_many, sobol_changes
+from armdesign.sweeps.numbers import Numbers, names_of_changes
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
-
-VARYING = "new.", "bandwidth"  # how names of answers begin that some cases may not have
 
 
 class Variants(TypedDict, total=False):
@@ -99,8 +97,8 @@ def sweep(
         requirements: keys of ``[requirements]`` and their values, one mapping per set.
         outputs: names of the answers that the frame has, in this order; None: all. A journal has
             all of them.
-        options: of the task, numbers, words, requirements and bands; several sets of them are a
-            case each.
+        options: of the task, numbers, words, requirements and bands, of which every case has a
+            copy; several sets of them are a case each.
         workspace: the poses of all cases; None: a joint grid of every changed machine.
         points: of that grid.
         workers: processes; 1: this one.
@@ -134,7 +132,7 @@ def sweep(
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
         refuse_options(task, one)
-    shared, sets = _plain(shared), [_plain(one) for one in sets]
+    shared, sets = plain(shared, "options"), [plain(one, "options") for one in sets]
     _refuse_names({path for one in chosen for path in one}, {k for one in sets for k in one})
     kept = more["journal"] is not None or is_keeping()
     identity = identity_of(task) if kept or isinstance(task, str) else uuid4().hex
@@ -203,18 +201,17 @@ class _CaseRunner:
         Our own tasks have the same ones for all cases of a machine, but for what a design changes.
         """
         if isinstance(self.study.task, str) and self.answered == set(self.study.machines):
-            self._refuse_unknown_outputs(outcomes, varying=VARYING)
+            self._refuse_unknown_outputs(outcomes)
 
-    def _refuse_unknown_outputs(
-        self, outcomes: Iterable[Entry], varying: tuple[str, ...] = ()
-    ) -> None:
-        """Raise for chosen answers that no case has, if any case has answers.
-
-        But for those whose names begin with ``varying``.
-        """
+    def _refuse_unknown_outputs(self, outcomes: Iterable[Entry]) -> None:
+        """Raise for chosen answers that no case has or could have, if any case has answers."""
         known = names_of(outcomes)
+        if not known or set(known).issuperset(self.outputs or ()):
+            return
+        if self.study.task == "design":
+            known += names_of_changes(self.study.machines.values())
         for name in self.outputs or ():
-            if known and name not in known and not name.startswith(varying):
+            if name not in known:
                 raise ArmDesignError("outputs", f"no case has {name!r}", choose(name, known))
 
     def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
@@ -319,8 +316,8 @@ def _study(
     if workspace is not None:
         poses += [[axis.tolist() for axis in workspace.axes], workspace.end_margin, workspace.kind]
     try:
-        shared = canonical([version("armdesign"), task[1], dict(options), poses, points])
-    except TypeError as error:
+        shared = canonical([version("armdesign"), task[1], exact(dict(options)), poses, points])
+    except (TypeError, ValueError) as error:
         fault, remedy = f"cannot be written down ({error})", "give numbers, texts and lists"
         raise ArmDesignError("options", fault, remedy) from None
     return Study(
@@ -367,12 +364,7 @@ def _changes(
     refuse_many(len(chosen) * len(sets))
     for path in {p for one in chosen for p in one} & {p for rules in sets for p in rules}:
         raise ArmDesignError(path, "is given in changes and in requirements", "give it once")
-    return [_plain({**changes, **rules}) for changes in chosen for rules in sets]
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by name, NumPy's numbers and arrays as Python's."""
-    return {k: v.tolist() if hasattr(v, "tolist") else v for k, v in values.items()}
+    return [plain({**changes, **rules}, "changes") for changes in chosen for rules in sets]
 
 
 def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
@@ -404,7 +396,7 @@ def _cases(
                 machine.with_payload(payload)  # refused before anything is computed
             for changes, options in product(chosen, sets):
                 try:
-                    key = digest([identity, payload, dict(changes), dict(options)])
+                    key = digest([identity, payload, exact(dict(changes)), exact(dict(options))])
                 except (TypeError, ValueError) as error:  # or a number of 5000 digits
                     fault = f"cannot be written down ({error})"
                     remedy = "give numbers and texts"

@@ -138,6 +138,9 @@ def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
     """Raise for options that a task does not have, or of another kind than one of ours takes."""
     if not isinstance(options, Mapping):
         raise ArmDesignError("options", f"{options!r} is no set", "give values by name")
+    for name in options:
+        if not isinstance(name, str):
+            raise ArmDesignError("options", f"the name {name!r} is no text", "give texts as names")
     function = task_named(task) if isinstance(task, str) else task
     try:
         parameters = inspect.signature(function).parameters

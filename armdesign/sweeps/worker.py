@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
@@ -18,7 +19,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.influence.changes import changed_machine
 from armdesign.journal.journal import Entry
 from armdesign.machine.machine import Machine
-from armdesign.sweeps.answers import COLUMNS
+from armdesign.sweeps.answers import COLUMNS, writable
 from armdesign.sweeps.cases import Case
 from armdesign.sweeps.tasks import Task, task_named
 from armdesign.threads import one_thread
@@ -130,7 +131,8 @@ def answer(name: str, case: Case) -> Outcome:
         except BaseException as error:
             final = isinstance(error, ArmDesignError) and not error.passing
             seconds = time.perf_counter() - start
-            return Outcome(answer={}, seconds=seconds, error=_words(error), final=final)
+            words = writable(_words(error))
+            return Outcome(answer={}, seconds=seconds, error=words, final=final)
         return Outcome(answer=numbers, seconds=time.perf_counter() - start)
 
 
@@ -152,7 +154,9 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
         machine = replace(machine, payloads=(machine.payload,))
     workspace = study.workspace or Workspace.grid(machine, study.points)
     task = task_named(study.task) if isinstance(study.task, str) else study.task
-    plain = _plain(task(machine, workspace, **study.options, **case.options))
+    # a copy for each case, as other processes have one, in an order that the key knows
+    options = deepcopy(dict(sorted({**study.options, **case.options}.items())))
+    plain = _plain(task(machine, workspace, **options))
     for name in plain:
         if name in study.columns:
             fault = "is the name of another column"
@@ -167,7 +171,7 @@ def _plain(answer: Any) -> dict[str, Any]:
         raise ArmDesignError("task", fault, "return numbers and words by name, in a dict")
     plain: dict[str, Any] = {}
     for key, given in answer.items():
-        name, value = str(key), _scalar(given)
+        name, value = writable(_exact(key if isinstance(key, str) else str(key))), _scalar(given)
         part = f"answer {name}"
         if name in plain:
             raise ArmDesignError(part, "is there twice", "give every answer a name of its own")
@@ -176,16 +180,25 @@ def _plain(answer: Any) -> dict[str, Any]:
             raise ArmDesignError(part, fault, "give a number, a text or a truth value")
         if isinstance(value, int) and abs(value) >= LARGEST:
             raise ArmDesignError(part, f"has more than {DIGITS} digits", "give fewer")
-        plain[name] = value
+        plain[name] = writable(value) if isinstance(value, str) else value
     return plain
 
 
 def _scalar(value: Any) -> Any:
     """What stands alone in an array or is a number of NumPy, as Python's own; others as given."""
     try:
-        return value.item()
+        return _exact(value.item())
     except (AttributeError, TypeError, ValueError):  # it has no such method, or several numbers
-        return value
+        return _exact(value)
+
+
+def _exact(value: Any) -> Any:
+    """A number or text of a class of its own, such as an enumeration's, as a journal has it."""
+    if isinstance(value, str):
+        return str.__str__(value)
+    if isinstance(value, int):
+        return value if isinstance(value, bool) else int.__int__(value)
+    return float.__float__(value) if isinstance(value, float) else value
 
 
 def _end_with_parent(parent: int) -> None:

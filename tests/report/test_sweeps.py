@@ -27,5 +27,7 @@ def test_a_sheet_has_what_differs_in_its_rows_and_the_rest_below() -> None:
     both = sheet(**{"a.bore_mm": [8, 9, 9], "hz": [1.0, 1.0, None], "error": ["", "", "bad"]})
     assert both.columns == ("case", "bore_mm")
     assert "did not fail: machine arm, hz 1." in both.note
+    none = sheet(mm=[8, 9], error=["bad", "worse"])
+    assert none.note == "2 cases failed; sweep.csv says why. The first: bad"
     same = sheet(hz=[1.0, 1.0], none=["", None], error=["", ""])
     assert (same.rows, same.note) == ((("1",), ("2",)), "The same in all: machine arm, hz 1.")

@@ -10,11 +10,13 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import wait
+from enum import IntEnum, StrEnum
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import armdesign as ad
@@ -172,6 +174,71 @@ def test_an_interruption_just_after_cases_were_given_leaves_no_traceback(
     finally:
         sys.setswitchinterval(interval)
     assert of_threads == []
+
+
+class Colour(StrEnum):
+    """Texts of a class of their own."""
+
+    RED = "r"
+
+
+class Level(IntEnum):
+    """Numbers of a class of their own."""
+
+    LOW = 1
+
+
+class Mass(float):
+    """A float that writes itself in its own way."""
+
+    def __repr__(self) -> str:
+        return "heavy"
+
+
+def of_own_kinds(machine: ad.Machine, _: ad.Workspace) -> Mapping[str, Any]:
+    """A task whose answers are numbers and texts of classes of their own."""
+    return {"a": Colour.RED, "b": Level.LOW, "c": Mass(1.5), "d": np.bool_(True), Colour.RED: 1}
+
+
+def test_answers_of_other_kinds_are_what_a_journal_has_of_them(tmp_path: Path) -> None:
+    how: dict[str, Any] = {"task": of_own_kinds, "points": 2, "journal": tmp_path / "j.sqlite"}
+    first, again = ad.sweep("paper_1dof", **how), ad.sweep("paper_1dof", **how)
+    assert again.kept == 1
+    pd.testing.assert_frame_equal(again.frame, first.frame, check_exact=True)
+    answer = first.outcomes[0].answer
+    assert repr(answer) == "{'a': 'r', 'b': 1, 'c': 1.5, 'd': True, 'r': 1}"
+    assert set(map(type, (*answer, *answer.values()))) == {str, int, float, bool}
+
+
+def with_halves(machine: ad.Machine, _: ad.Workspace, how: str) -> Mapping[str, Any]:
+    """A task with half of a surrogate pair in its answer, its name or its error."""
+    if how == "error":
+        raise ValueError("a\ud800")
+    return {"a\ud800": 1} if how == "name" else {"text": "a\ud800"}
+
+
+def test_half_of_a_surrogate_pair_spoils_no_other_case(tmp_path: Path) -> None:
+    sets = [{"how": how} for how in ("answer", "name", "error", "a\ud800")]
+    how: dict[str, Any] = {"options": sets, "points": 2, "journal": tmp_path / "j.sqlite"}
+    sweep = ad.sweep("paper_1dof", {"title": ["x", "\udfff"]}, with_halves, **how)
+    frame = sweep.frame[sweep.frame["title"] == "x"]
+    assert frame["text"].dropna().tolist() == ["a\\ud800"] * 2
+    assert frame["a\\ud800"].dropna().tolist() == [1]
+    assert frame["error"].tolist() == ["", "", "ValueError: a\\ud800", ""]
+    assert list(frame["how"])[-1] == "a\\ud800"
+
+
+def large(machine: ad.Machine, _: ad.Workspace) -> Mapping[str, Any]:
+    """A task with a whole number that no float has, at all but one modulus."""
+    modulus = machine.section.fluid.bulk_modulus_MPa
+    return {"n": 2**60 + 1} if modulus > 900.0 else {"other": 1}
+
+
+def test_whole_numbers_keep_their_digits_beside_cases_without_one() -> None:
+    sweep = ad.sweep("paper_1dof", MODULI, large, points=2)
+    for table in (sweep.frame, sweep.answers):
+        assert table["n"].tolist() == [None, 2**60 + 1, 2**60 + 1]
+        assert table["other"].dtype == float
 
 
 def locked() -> Callable[..., Mapping[str, Any]]:

@@ -399,5 +399,5 @@ def test_a_machine_more_or_fewer_keeps_what_a_journal_has(tmp_path: Path) -> Non
 def test_fields_are_numbers_as_the_machine_file_has_them(tmp_path: Path) -> None:
     """Python's ``1_000`` is none."""
     path = tmp_path / "c.csv"
-    path.write_text("a\n1_000\n12\n1.5e1\nnan\ntrue\n")
-    assert [one["a"] for one in csv_changes(path)] == ["1_000", 12, 15.0, "nan", True]
+    path.write_text("a\n1_000\n12\n1.5e1\nnan\ntrue\nFALSE\n")  # as spreadsheets write it
+    assert [one["a"] for one in csv_changes(path)] == ["1_000", 12, 15.0, "nan", True, False]

@@ -99,6 +99,8 @@ def allowed(location: Location) -> str:
         return ""
     if get_origin(kind) is Literal:
         return "one of " + ", ".join(f'"{choice}"' for choice in get_args(kind))
+    if kind is bool:
+        return "true or false"
     if kind in (float, int):
         number = "a whole number" if kind is int else "a number"
         return f"{number} in {_interval(constraints)}{unit_of(location)}"

@@ -199,6 +199,8 @@ def test_pins_anywhere(path: str) -> None:
 
 CASES: list[tuple[str, Any, str]] = [
     ("joints", ["boom", "boom", "bucket"], r"x\.toml: joints: a joint is named twice"),
+    ("damped", 1, "damped: 1 is not allowed; give true or false"),
+    ("damped", "TRUE", 'damped: "TRUE" is not allowed; give true or false'),
     ("joints", [], r"joints: \[\] is not allowed; give a list of 1 to 20"),
     (
         "joints",
