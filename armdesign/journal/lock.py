@@ -17,7 +17,7 @@ from typing import Any
 locks: Any
 try:
     import fcntl as locks
-except ImportError:  # Windows, where SQLite's own lock is of an open file
+except ImportError:  # Windows, where SQLite's own lock is of an open file, which cannot go
     locks = None
 
 AGAIN = 0.01  # [s] between two attempts
@@ -39,6 +39,11 @@ def held(path: Path, patience: float) -> Iterator[None]:
         BlockingIOError: another run, or one in this process, holds it.
         OSError: the file cannot be opened.
     """
+    if locks is None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+        yield
+        return
     descriptor, until = None, time.monotonic() + patience
     while descriptor is None:
         try:
@@ -62,8 +67,7 @@ def _locked(path: Path) -> int:
         raise BlockingIOError
     descriptor = os.open(path, os.O_RDONLY | os.O_CREAT, 0o666)
     try:
-        if locks is not None:
-            _lock(descriptor)
+        _lock(descriptor)
         if not _is_at(descriptor, path):  # another run took it away, and made one anew
             raise BlockingIOError
     except BaseException:
