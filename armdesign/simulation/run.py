@@ -17,6 +17,7 @@ from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
 from armdesign.simulation.controlled_plant import ENERGY
+from armdesign.simulation.identification.decaying_modes import OVERDAMPED
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
 from armdesign.units import bar, deg, mm
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-8  # of the energies of a machine at rest
 STILL = 1e-5  # [rad/s, m/s] peak to peak: within some 10 µm at the tool, as creep and rounding
+LEFT = 0.2  # share of the motion that the modes found leave, above which it is said
 SETTLED = 1e-4  # of a spool's travel: what it still moves when it rests
 
 
@@ -51,10 +53,23 @@ class Ring(ReadOnly):
     cavitated: tuple[str, ...]
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the answer may be off by more than its deviations, in words."""
+        fit, doubts = self.fit, list[str]()
+        remedy = "ask for more modes or a longer window"
+        if fit.residual > LEFT:
+            left = f"{100 * fit.residual:.0f} % of the motion is none of the modes found"
+            doubts.append(f"{left}, deviations do not count it: {remedy}")
+        if (fit.damping_ratios < -2 * fit.damping_deviations).any():
+            least = fit.damping_ratios.min()
+            doubts.append(f"a damping ratio of {least:.2g} is of modes not told apart: {remedy}")
+        return tuple(doubts)
+
+    @property
     def words(self) -> str:
         """The answer in one line."""
         modes = ", ".join(f"{frequency:.3f} Hz" for frequency in self.fit.natural_frequencies)
-        empty = f"; {'; '.join(self.cavitated)}" if self.cavitated else ""
+        empty = "".join(f"; {words}" for words in (*self.cavitated, *self.doubts))
         linear = f"{self.linear_frequencies[0]:.3f} Hz"
         return f"{self.begin:.3g}…{self.end:.3g} s: {modes}, lowest linear {linear}{empty}"
 
@@ -180,8 +195,8 @@ class Simulation(ReadOnly):
             modes: how many are asked for, the strongest.
 
         Raises:
-            SimulationError: spools move to the end, there is no such window, nothing rings, or
-                see ``identify_ringdown``.
+            SimulationError: spools move to the end, there is no such window, nothing rings, what
+                is left is overdamped, or see ``identify_ringdown``.
 
         Example:
             >>> import armdesign as ad
@@ -209,6 +224,10 @@ class Simulation(ReadOnly):
             fault = f"nothing rings: speeds swing by {swing:.2g} rad/s or m/s, as by rounding"
             raise SimulationError(part, fault, "move the machine first, or begin earlier")
         fit = identify_ringdown(self.time[inside], speeds, modes, part)
+        if (most := float(fit.damping_ratios.max())) > OVERDAMPED:
+            fault = f"no ring but a creep or a stop: damping ratio {most:.3f}, as friction gives"
+            fewer = "ask for fewer modes, " if modes > 1 else ""
+            raise SimulationError(part, fault, f"{fewer}strike harder, or end earlier")
         poses = self.machine.evaluate(self.machine.rigid_poses(self.q[inside].mean(axis=0)))
         return Ring(
             begin=begin,

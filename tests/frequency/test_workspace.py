@@ -128,3 +128,17 @@ def test_a_slide_begins_at_zero() -> None:
 def test_a_seed_is_a_whole_number(excavator: ad.Machine) -> None:
     with pytest.raises(ad.ArmDesignError, match="seed: -1 is not allowed"):
         ad.Workspace.sobol(excavator, 10, seed=-1)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("paper_1dof", r"give one number ≥ 2$"),
+        ("excavator_20t", r"give one number ≥ 2, or 3 \(one per joint\)$"),
+    ],
+)
+def test_the_remedy_for_points_names_counts_per_joint_only_where_there_are_several(
+    name: str, remedy: str
+) -> None:
+    with pytest.raises(ad.ArmDesignError, match=rf"points: 1 is not allowed; {remedy}"):
+        ad.Workspace.grid(machines.named(name), points=1)

@@ -7,6 +7,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.errors import SimulationError
+from armdesign.simulation.run import Ring
 from armdesign.simulation.simulate import simulate
 from armdesign.units import bar
 from tests.sprung import rocking
@@ -88,3 +89,39 @@ def test_faults_of_rings() -> None:
         run.ring()
     with pytest.raises(SimulationError, match=r"ring: 3…4 s holds no two .*; stay in 0…0\.002 s"):
         run.ring(3.0, 4.0)
+
+
+def test_a_ring_says_what_its_modes_leave_and_damping_below_zero() -> None:
+    """By hand: a sine that grows by ζ = −0.01 beside noise of three tenths of its size."""
+    time, rng = np.arange(0, 4, 0.01), np.random.default_rng(0)
+    omega = 2 * np.pi * 2.0
+    grown = np.exp(0.01 * omega * time) * np.cos(omega * time)
+    noisy = grown + 0.3 * grown.std() * rng.normal(size=len(time))
+    fits = [ad.identify_ringdown(time, signal) for signal in (noisy, np.cos(omega * time))]
+    linear = np.array([2.0])
+    rings = [
+        Ring(begin=0.0, end=4.0, fit=fit, linear_frequencies=linear, cavitated=()) for fit in fits
+    ]
+    left, below = rings[0].doubts
+    assert "% of the motion is none of the modes found" in left
+    assert below.startswith("a damping ratio of -0.01")
+    assert "is of modes not told apart" in below
+    assert left in rings[0].words
+    assert rings[1].doubts == ()
+
+
+def test_a_motion_that_friction_stops_is_no_ring() -> None:
+    """Dry friction holds a crane struck at 0.1 mm/s: it creeps to rest, without a swing."""
+    machine = ad.load("loader_crane").with_payload("full")
+    q = machine.ranges.mean(axis=1)
+    shape = ad.natural_modes(machine.at(q)).shapes[0][: len(q), 0]
+    run = simulate(
+        machine,
+        q,
+        {machine.cylinders[0].name: lambda time: 0.0},
+        payload="full",
+        duration=3.0,
+        velocity=1e-4 * shape / np.abs(shape).max(),
+    )
+    with pytest.raises(SimulationError, match=r"no ring but a creep or a stop: .* strike harder"):
+        run.ring()

@@ -15,10 +15,11 @@ colour is estimated. The deviations are scaled to the noise about each mode's ow
 few parameters of a colour may miss. Each order p gives an answer. How likely the record is
 under it (Schwarz 1978) weighs it, and the deviation holds how far likely answers differ. So are
 further modes tried beside those asked for, as long as they make the record likelier; the
-strongest are the answer. A mode nearby may be too weak or too damped to show and still pull at the
-answer, so it is given room at 1.3 times the frequency, above and below. About a trend, what does
-not ring for two periods of the record is part of it. A record in which the modes asked for do not
-stand out of noise and trend is refused.
+strongest are the answer. Where a gap in the singular values shows more modes than these, as many
+are tried, too: two that lie near each other make no record likelier one by one. A mode nearby may
+be too weak or too damped to show and still pull at the answer, so it is given room at 1.3 times
+the frequency, above and below. About a trend, what does not ring for two periods of the record is
+part of it. A record in which the modes asked for do not stand out of noise and trend is refused.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ MOST_ROWS = 400  # of the Hankel matrix
 BEGINNINGS = (1, 2, 4, 8)  # shares of the record from which the search starts: all, half, …
 ORDERS = (1, 2, 4)  # p, besides 0
 FURTHER = 2  # modes beside those asked for
+GAP = 20.0  # ratio of neighbouring singular values: as many modes as lie before it are tried, too
 NEGLIGIBLE = 4.0  # logarithm of a weight below the largest
 TEMPER = 0.5  # power of the likelihood that weighs
 EXACT = 1e-9  # what is left of a record without noise, relative: no colour can be told
@@ -198,6 +200,9 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Mo
         fits += group
         if _exact(signals, group[0]):
             break
+    count = _modes_before_gap(of_all)
+    if count > modes + FURTHER and fits and not _exact(signals, fits[0]):
+        fits += _group(signals, _starts(detrended(signals, trend), count)[0], trend)
     remedy = "ask for fewer, or " if modes > 1 else ""
     fewer = [one for one in fits if one.rings.sum() < modes]
     fits = [one for one in fits if one.rings.sum() >= modes]
@@ -215,6 +220,15 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Mo
             raise SimulationError(part, fault, f"{remedy}record longer or louder")
         fits += _with_hidden(signals, likeliest, modes)
     return fits, of_all
+
+
+def _modes_before_gap(singular: Array) -> int:
+    """How many modes a clear gap in the singular values shows; 0 if there is none."""
+    pairs = singular[: 2 * ((len(singular) - 1) // 2) + 1]
+    before, after = pairs[1::2], pairs[2::2]
+    ratios = before / np.maximum(after, 1e-12 * pairs[0])
+    k = int(ratios.argmax()) if len(ratios) else 0
+    return k + 1 if len(ratios) and ratios[k] >= GAP and before[k] > 1e-6 * pairs[0] else 0
 
 
 def _group(signals: Array, starts: list[Array], trend: int) -> list[ModeFit]:
