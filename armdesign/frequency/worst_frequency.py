@@ -1,7 +1,8 @@
 """The worst frequency over all poses and load cases, at the poses of a workspace and between them.
 
 ``worst_frequency`` compares only the poses of the workspace; ``refined`` searches from the lowest
-of them too, by descents and by a population, so it may return a worse pose off the grid;
+of them too, by descents and in oil with air by a population, so it may return a worse pose off the
+grid;
 ``worst_anywhere`` does so for all load cases.
 """
 
@@ -177,11 +178,12 @@ def _from_starts(case: CasePoses, starts: Array, frequencies: Array, most: float
 
 
 def _minima(case: CasePoses, starts: Array) -> Iterator[tuple[Array, float]]:
-    """Local minima by descents from starts, and from the lowest pose of a population."""
-    lowest, frequency = lowest_by_population(case, starts)
-    if frequency < np.inf:
-        yield lowest, float(lowest_frequency(case.machine.at(case.rigid_at(lowest)))[0])
-        starts = np.concatenate([starts, lowest[None]])
+    """Local minima by descents from starts; with kinks, also from the lowest of a population."""
+    if case.machine.fluid.aerated:
+        lowest, frequency = lowest_by_population(case, starts)
+        if frequency < np.inf:
+            yield lowest, float(lowest_frequency(case.machine.at(case.rigid_at(lowest)))[0])
+            starts = np.concatenate([starts, lowest[None]])
     for start in starts:
         minimum = _descend(case, start)
         if minimum is not None:

@@ -23,7 +23,8 @@ from armdesign.influence.estimates import impossible
 from armdesign.influence.family import Family, can_matter, rebuilt
 from armdesign.influence.rivals import WITHIN, Rival, rivals
 from armdesign.influence.slopes import slopes
-from armdesign.machine.file.numbers import Number, numbers_of
+from armdesign.machine.file.contradictions import contradictions
+from armdesign.machine.file.numbers import Number, numbers_of, with_values
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
@@ -225,8 +226,8 @@ def differences(
     changes = {}
     for number in numbers:
         ends = []
-        for step in _ways(number):
-            part = PART * step if np.isfinite(step) else 0.0
+        for step in _ways(machine, number, PART):
+            part = step if np.isfinite(step) else 0.0
             near = rebuilt(machine, {number.location: number.value + part})
             ends.append((part, quantity(near)))
         (up, higher), (down, lower) = ends
@@ -307,8 +308,9 @@ def sensitivity(
     effect = np.abs(derivatives).max(axis=2) * [abs(number.step[0]) for number in numbers]
     known = np.flatnonzero(effect.max(axis=0) > NEGLIGIBLE * poses[0].frequency)
     chosen, derivatives = [numbers[k] for k in known], derivatives[:, known]
+    steps = np.array([_ways(machine, number) for number in chosen]).reshape(-1, 2)
     changes = np.stack(
-        [_linear(poses, chosen, derivatives), _exact(machine, poses, chosen)], axis=2
+        [_linear(poses, steps, derivatives), _exact(machine, poses, chosen, steps)], axis=2
     )
     size = np.nan_to_num(np.abs(changes[:, :, 0])).max(axis=1)
     order = np.argsort(-size, kind="stable")
@@ -322,24 +324,31 @@ def sensitivity(
     )
 
 
-def _ways(number: Number) -> list[float]:
-    """A natural step up and down in the file's unit; NaN where the schema does not allow it."""
-    steps = (number.step[0], -number.step[0])
-    inside = (number.low <= number.value + step <= number.high for step in steps)
-    return [step if fits else np.nan for step, fits in zip(steps, inside, strict=True)]
+def _ways(machine: Machine, number: Number, share: float = 1.0) -> list[float]:
+    """A share of a natural step up and down; NaN where the file cannot have it."""
+    steps = (share * number.step[0], -share * number.step[0])
+    return [step if _fits(machine, number, number.value + step) else np.nan for step in steps]
 
 
-def _linear(poses: Sequence[Rival], numbers: Sequence[Number], derivatives: Array) -> Array:
-    """Change of the worst frequency by a step up and down (k, 2) [Hz], by the derivatives."""
+def _fits(machine: Machine, number: Number, value: float) -> bool:
+    """Whether the file can have another number, by itself and beside all others."""
+    if not number.low <= value <= number.high:
+        return False
+    section = with_values(machine.section, {number.location: value})
+    return not any(contradictions(section, machine.name))
+
+
+def _linear(poses: Sequence[Rival], steps: Array, derivatives: Array) -> Array:
+    """Change of the worst frequency by steps up and down (k, 2) [Hz], by the derivatives."""
     start = np.array([rival.frequency for rival in poses])[:, None, None]
-    steps = np.array([_ways(number) for number in numbers]).reshape(-1, 2)
     slope = np.where(steps >= 0, derivatives[:, :, :1], derivatives[:, :, 1:])
     return np.asarray((start + slope * steps).min(axis=0) - start[0])
 
 
-def _exact(machine: Machine, poses: Sequence[Rival], numbers: Sequence[Number]) -> Array:
-    """Change of the worst frequency by a step up and down (k, 2) [Hz], near the rivals."""
-    steps = np.array([_ways(number) for number in numbers]).reshape(-1, 2)
+def _exact(
+    machine: Machine, poses: Sequence[Rival], numbers: Sequence[Number], steps: Array
+) -> Array:
+    """Change of the worst frequency by steps up and down (k, 2) [Hz], near the rivals."""
     lowest = np.full((len(poses), *steps.shape), np.nan)
     batched = [k for k, number in enumerate(numbers) if can_matter(number.location)]
     for way in (0, 1):

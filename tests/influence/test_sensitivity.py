@@ -149,8 +149,10 @@ def test_bandwidths_by_every_number() -> None:
 
 
 def test_straight_lines_below_zero_are_no_estimates() -> None:
-    """A litre of hose, seven times the oil there is: the derivative would take 15 of 7.4 Hz."""
-    machine = ad.load("paper_1dof")
+    """A litre of the oil in a soft hose: the derivative would take 6.2 of 4.3 Hz."""
+    soft = {"dead_volume_l.annulus": 1.0, "hose.bulk_modulus_MPa": 100.0}
+    changes = {f"cylinder.lift.{key}": value for key, value in soft.items()}
+    machine = ad.load("paper_1dof").replace(changes)
     worth = ad.sensitivity(machine, ad.Workspace.grid(machine, points=5))
     rows = {number.path: k for k, number in enumerate(worth.numbers)}
     hose, bore = rows["cylinder.lift.hose.annulus_l"], rows["cylinder.lift.bore_mm"]
@@ -178,3 +180,17 @@ def test_bandwidths_change_smoothly_with_a_number() -> None:
         return np.asarray((up - down) / (2 * step))
 
     np.testing.assert_allclose(slope(0.05), slope(0.3), rtol=0.1)
+
+
+def test_a_step_that_other_numbers_do_not_allow_is_none() -> None:
+    """A hose no larger than the dead volume that holds it, and a rod no wider than the bore."""
+    volumes = {"cylinder.boom.dead_volume_l.cap": 0.5, "cylinder.boom.hose.cap_l": 0.1}
+    rod = {"cylinder.bucket.bore_mm": 125.0, "cylinder.bucket.rod_mm": 118.0}
+    machine = machines.named("excavator_20t").replace({**volumes, **rod})
+    worth = ad.sensitivity(machine, ad.Workspace.grid(machine, points=3))
+    rows = worth.frame.set_index("key")
+    for key in ("cylinder.boom.hose.cap_l", "cylinder.bucket.rod_mm"):
+        number = numbers_of(machine.section)[key]
+        with pytest.raises(ad.ArmDesignError):
+            machine.replace({key: number.value + number.step[0]})
+        assert rows.loc[key, ["up_linear_hz", "up_exact_hz"]].isna().all(), key
