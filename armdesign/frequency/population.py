@@ -20,8 +20,8 @@ from armdesign.frequency.cases import CasePoses
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.spread import joints_without_effect
 
-SPREAD, PARENTS, CHILDREN = 500, 12, 4  # poses at random, kept in a round, tried about each:
-# per joint that matters (children: so many per joint, for each parent)
+# for each joint that matters: poses at random, kept in a round, and tried about each of these
+SPREAD, PARENTS, CHILDREN = 500, 12, 4
 ROUNDS, SHRINK = 14, 0.7  # steps of the last round: 0.2 % of the joint ranges
 STEP, APART = 0.2, 0.3  # of the first round, over the joint ranges
 AT_END, STILL = 0.2, 0.4  # shares of joints at each end of their range, and not moved

@@ -2,8 +2,7 @@
 
 ``worst_frequency`` compares only the poses of the workspace; ``refined`` searches from the lowest
 of them too, by descents and in oil with air by a population, so it may return a worse pose off the
-grid;
-``worst_anywhere`` does so for all load cases.
+grid; ``worst_anywhere`` does so for all load cases.
 """
 
 from __future__ import annotations

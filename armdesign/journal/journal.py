@@ -2,8 +2,8 @@
 
 It is written by one process, a transaction per case, synchronously to the disk, so that a case is
 there or is not. A lock of the system on the file, and SQLite's own, both of which end with the
-process, keep a second run out.
-Answers are JSON, whose numbers keep every bit; nothing in it is ever run.
+process, keep a second run out. Answers are JSON, whose numbers keep every bit; nothing in it is
+ever run.
 """
 
 from __future__ import annotations
