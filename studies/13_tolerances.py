@@ -1,6 +1,6 @@
 """Which pin is worth moving, what does 1 % of air cost, and how far are derivatives to be trusted?
 
-The boom's base pin: 28 mHz per 10 mm; the stick's pins: none. 1 % of air takes 23 % of 0.767 Hz,
+The boom's base pin: 28 mHz per 10 mm; the stick's pins: none. 1 % of air takes 24 % of 0.767 Hz,
 its first 0.2 % half of that. Without air 1 % of machines are 4 mHz off the line, 51 with it.
 """
 
