@@ -30,7 +30,7 @@ def pareto(
     """
     from armdesign import plots
     from armdesign.design.pareto import read_values
-    from armdesign.report.designs import pareto_sheet
+    from armdesign.report.trade_offs import pareto_sheet
     from armdesign.sweeps.trade_offs import pareto as trade_off
 
     with run.progress("searching for the best design under each limit"):
@@ -72,7 +72,7 @@ def steps(
     """
     from armdesign import output
     from armdesign.design.steps import steps as with_more_and_more_pins
-    from armdesign.report.designs import steps_sheet
+    from armdesign.report.trade_offs import steps_sheet
 
     with run.progress("searching for the best pins to move"):
         model, workspace, out = run.open_workspace()

@@ -242,6 +242,15 @@ def _without_commas(text: str, count: int) -> str:
     return ""
 
 
+def _of_children(element: ET.Element, part: UrdfPart) -> Iterator[MachineFileError]:
+    """Elements that a part or its inertial has more than once: only the first would count."""
+    for tag in KEPT[element.tag]:
+        for again in element.findall(tag)[1:2]:
+            within = "" if element is part.element else f" in its <{element.tag}>"
+            fault = f"has more than one <{tag}>{within}"
+            yield part.fault(fault, "keep the one that is meant", again)
+
+
 def _of_origin(element: ET.Element, part: UrdfPart) -> Iterator[MachineFileError]:
     for key in ("xyz", "rpy"):
         yield from _of_numbers(element.find("origin"), key, "0 0 0", 3, part)
@@ -257,6 +266,7 @@ def _of_joint(
         yield joint.fault(fault, "use revolute, continuous, prismatic or fixed")
     if mimic is not None:
         yield joint.fault("mimics another joint", "make it a joint of its own or fix it", mimic)
+    yield from _of_children(joint.element, joint)
     yield from _of_origin(joint.element, joint)
     if kind == "fixed" and moves:
         remedy = "take it out of joints or spring, or give it another type"
@@ -308,9 +318,11 @@ def _of_limits(
 
 
 def _of_inertial(link: UrdfPart) -> Iterator[MachineFileError]:
+    yield from _of_children(link.element, link)
     inertial = link.element.find("inertial")
     if inertial is None:
         return
+    yield from _of_children(inertial, link)
     yield from _of_origin(inertial, link)
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:

@@ -1,10 +1,8 @@
-"""Sheets of a design: gain, sizes and pins, binding requirements; and of trade-offs."""
+"""Sheets of a design: gain, sizes and pins, binding requirements."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,17 +17,9 @@ from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
     from armdesign.design.design import Design
-    from armdesign.design.pareto import Pareto
-    from armdesign.design.steps import DesignStep, Steps
     from armdesign.mechanism.linkage.base import Pin
 
 NEAREST = 6  # requirements shown where sizes come in steps
-SHARES = {  # of today's, by column of a trade-off: its head, and in words
-    "oil_share": ("oil", "oil"),
-    "thrust_share": ("thrust", "largest thrust"),
-    "digging_share": ("digging", "least digging torque"),
-    "lift_share": ("lift", "least lift of all points of the lift chart"),
-}
 
 
 def design_sheets(design: Design, units: Units = WORKSHOP) -> list[Sheet]:
@@ -62,16 +52,17 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         for label, machine, worst in pair
     ]
     own = design.worst_in_own_workspace.frequency
+    between = between_poses({"today": design.before, "new": design.after})
     made_for = {
-        "worst": "all that follows: in the worst case of the bands; ",
-        "gain": "made for the least gain within the bands; of that gain: ",
+        "nominal": "all that follows: of the poses; " if between else "",
+        "worst": "all that follows: of the poses, in the worst case of the bands; ",
+        "gain": "made for the least gain at the ends of the bands; of that gain of the poses: ",
         "bandwidth": "made for the least bandwidth; of it, as estimated from frequencies: ",
     }
     notes = [
-        *filter(None, [between_poses({"today": design.before, "new": design.after})]),
-        *filter(None, [too_few_poses(design.before, design.after)]),
+        *filter(None, [between, too_few_poses(design.before, design.after)]),
         f"in its own workspace the new machine's worst is {own:.3f} Hz",
-        f"{made_for.get(design.made_for, '')}before rounding {_reached(design, design.unrounded)}",
+        f"{made_for[design.made_for]}before rounding {_reached(design, design.unrounded)}",
         *filter(None, [limiting_note(design.machine, after.cylinder)]),
     ]
     reached = notes_on_starts(design) + _buildability(design)
@@ -200,7 +191,7 @@ def _buildability(design: Design) -> str:
     both = design.catalogue and design.best_sizes is None and design.starts
     if design.made_for != "gain" or not both:
         return ""
-    built, real = percent(design.least_gain), _reached(design, max(design.starts))
+    built, real = (_reached(design, one) for one in (design.judged, max(design.starts)))
     return (
         f"; buildable {built}, in real numbers {real}: the difference is what buildability costs"
     )
@@ -225,7 +216,23 @@ def bands_of_design(design: Design) -> Sheet:
     }
     rows = {"today": design.band_before, "new": design.band_after}
     least = f"; least gain within the bands {percent(design.least_gain)}"
-    return bands_sheet(design.today, design.bands, rows, f"{made_for[design.made_for]}{least}")
+    where = _where_it_is_least(design)
+    return bands_sheet(
+        design.today, design.bands, rows, f"{made_for[design.made_for]}{least}{where}"
+    )
+
+
+def _where_it_is_least(design: Design) -> str:
+    """Where the least gain lies, if not at the ends that the search knew; else empty."""
+    if design.made_for != "gain":
+        return ""
+    ends = _reached(design, design.judged)
+    if ends == percent(design.least_gain):
+        return ""
+    where = "not at their ends"
+    if percent(design.gain) == percent(design.least_gain):
+        where = "at the file's values"
+    return f", {where}; at their ends {ends}"
 
 
 def _vanishing(design: Design) -> str:
@@ -287,111 +294,6 @@ def binding_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         rows=tuple(rows) or (("none", "", "", ""),),
         note=f"{met}; {why}",
     )
-
-
-def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
-    """Best designs of a trade-off, a row for each limit, relative to today's machine."""
-    names = [name for name in SHARES if name in front.frame and front.frame[name].notna().any()]
-    banded = ("banded_hz", "least_gain") if front.robust else ()
-    shown = ("frequency_hz", "gain", *banded, *names, "squared_times_speed")
-    texts: dict[str, Callable[[float], str]] = {"gain": percent, "least_gain": percent}
-    texts |= {name: "{:.3f} Hz".format for name in ("frequency_hz", "banded_hz")}
-    texts["squared_times_speed"] = "{:.2f}".format
-    first = front.designs[0]
-    known = {"frequency_hz": first.before.worst.frequency}
-    if front.robust:
-        known["banded_hz"] = first.band_before.low.frequency
-    rows = [("today", *(texts[name](known[name]) if name in known else "" for name in shown))]
-    of_limit = "{:g}".format if front.against != "pin_box" else partial(units.text, unit="m")
-    for row in front.frame.to_dict("records"):
-        cells = (texts.get(name, "{:.3f}".format)(row[name]) for name in shown)
-        rows.append((of_limit(row["limit"]), *cells))
-    columns = ["limit", "frequency", "gain", *front.robust * ["in the bands", "least gain"]]
-    columns += [*(SHARES[name][0] for name in names), "f² × speed"]
-    quantities = f"{', '.join(SHARES[name][1] for name in names)} and f² × speed"
-    each = "; oil of each cylinder side at most 1.1 × the limit" if front.against == "oil" else ""
-    return Sheet(
-        title=(
-            f"{front.today.section.title or front.today.name}: worst natural frequency against"
-            f" {front.against}"
-        ),
-        columns=tuple(columns),
-        rows=tuple(rows),
-        note="; ".join([f"{quantities} relative to today's{each}", *front.sentences]),
-    )
-
-
-BUILT_SETS = "all sets with free sizes; the best are built, and those that no bound rules out"
-
-
-def steps_sheet(answer: Steps) -> Sheet:
-    """The best design for each number of pins that move."""
-    today, first = answer.today, answer.steps[0].design
-    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", *5 * ("",))]
-    for step in answer.steps:
-        rows.append(
-            (
-                str(len(step.pins)),
-                f"{step.design.after.worst.frequency:.3f} Hz",
-                percent(step.gain),
-                "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
-                ", ".join(step.changed),
-                f"{step.searched} of {step.sets}",
-                _proved(step),
-            )
-        )
-    gain, of = "least gain", ", least gain within the bands"
-    if not answer.robust:
-        gain, of = "gain", ", for which alone the designs were made"
-    notes = [
-        f"worst frequency at the file's values{of}; least lift over today's of all points of the"
-        " lift chart"
-    ]
-    notes.append(
-        "searched: sets of so many pins, from today's pins, from the best with one pin less and,"
-        " where starts ask for them, from drawn ones;"
-        f" proved: other sets of which no {_bounded(first)} gains more than what is reached here,"
-        " by an upper bound, and by how much at most one of the rest might"
-    )
-    notes += [_left_open(step) for step in answer.steps if 0 < step.excess < math.inf]
-    if any(step.searched < step.sets for step in answer.steps):
-        notes.append("of too many sets those were searched that add a pin to the step before")
-    if max(step.built for step in answer.steps) > 1:
-        notes.append(f"{BUILT_SETS}, and the best of these is the answer")
-    return Sheet(
-        title=f"{today.section.title or today.name}: which change first",
-        columns=("pins that move", "worst", gain, "least lift", "changed", "searched", "proved"),
-        rows=tuple(rows),
-        note="; ".join([*notes, *answer.sentences]),
-        words=("changed",),
-    )
-
-
-def _bounded(design: Design) -> str:
-    """What bounds on sets of pins are of."""
-    return "machine that can be built" if design.problem.grid.sizes else "design"
-
-
-def _left_open(step: DesignStep) -> str:
-    """Sets that no bound rules out, and by how much at most each might be better."""
-    sets = ", ".join(
-        f"{' + '.join(_words(path) for path in some)} {percent(excess, 2)}"
-        for some, excess in (step.open_sets or {}).items()
-    )
-    return f"left open of {len(step.pins)} pins: {sets}"
-
-
-def _words(path: str) -> str:
-    """A pin's words: "boom base" of "cylinder.boom.base"."""
-    return " ".join(path.split(".")[1:]).replace("_", "-")
-
-
-def _proved(step: DesignStep) -> str:
-    """How many other sets are proved to hold nothing better, and what is not ruled out."""
-    if step.sets == 1:
-        return ""
-    left = f"; {percent(step.excess, 2)}" if 0 < step.excess < math.inf else ""
-    return f"{step.proved} of {step.sets - 1}{left}"
 
 
 def summary(design: Design) -> str:

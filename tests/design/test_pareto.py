@@ -18,7 +18,7 @@ from armdesign import plots
 from armdesign.design.catalogue.sizes import sizes_of
 from armdesign.design.pareto import SHARES
 from armdesign.errors import Stopped
-from armdesign.report.designs import pareto_sheet
+from armdesign.report.trade_offs import pareto_sheet
 from armdesign.sweeps import trade_offs
 from armdesign.units import mm
 from tests import machines

@@ -14,8 +14,8 @@ from armdesign.design import proved_sets as module
 from armdesign.design.bound.certificate import Certificate
 from armdesign.design.proved_sets import NEAR, bounds_of_others, most_of, others
 from armdesign.design.steps import DesignStep, _proved
-from armdesign.report.designs import _left_open
-from armdesign.report.designs import _proved as _proved_words
+from armdesign.report.trade_offs import _left_open
+from armdesign.report.trade_offs import _proved as _proved_words
 from tests.machines import named
 
 PINS = ("a", "b", "c")

@@ -22,7 +22,8 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from armdesign.frequency.cases import scaled_links
 from armdesign.frequency.modes import hertz
-from armdesign.report.designs import design_sheets, pareto_sheet, summary
+from armdesign.report.designs import design_sheets, summary
+from armdesign.report.trade_offs import pareto_sheet
 from tests import machines
 from tests.checks import worst_within
 from tests.design.designs import MACHINES, as_machine, problem_of, some_x, workspace_of
@@ -432,9 +433,9 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
         assert "oil 0.7 to 1.1 ×" in sheet.note
         least = f"least gain within the bands {100 * design.least_gain:+.1f} %"
         assert sheet.note.endswith(f"; the new machine was designed {words}; {least}")
-        assert (": in the worst case of the bands; before rounding" in first.note) == (
-            made_for == "worst"
-        )
+        assert (
+            ": of the poses, in the worst case of the bands; before rounding" in first.note
+        ) == (made_for == "worst")
         gain = 100 * (design.unrounded / design.band_before.nominal - 1)
         assert (f"before rounding {gain:+.1f} %" in first.note) == (made_for == "gain")
     plain = machine_with(stated, "")

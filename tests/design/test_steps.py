@@ -14,7 +14,7 @@ import armdesign as ad
 from armdesign.design.search.multistart import ROUGHLY, follow_all
 from armdesign.design.steps import _best_built, _rising
 from armdesign.errors import InfeasibleError
-from armdesign.report.designs import steps_sheet
+from armdesign.report.trade_offs import steps_sheet
 from tests.design.designs import double, workspace_of
 from tests.machines import named
 

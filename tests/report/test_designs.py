@@ -14,7 +14,7 @@ from armdesign.report.design_report import bandwidth_rows, bandwidth_section
 from armdesign.report.designs import design_sheets
 from armdesign.report.least import least_sentence
 from armdesign.report.maps import too_few_poses
-from armdesign.units import WORKSHOP
+from armdesign.units import WORKSHOP, percent
 from tests.design.designs import MACHINES, workspace_of
 
 BANDS = ad.Bands(structure=(0.0, 1.0))
@@ -34,9 +34,39 @@ def test_what_buildability_costs(catalogue: str) -> None:
         return
     ((built, real),) = gains
     today = design.problem.dynamics.corners.nominal
-    assert float(built) == pytest.approx(100 * design.least_gain, abs=0.05)
+    assert float(built) == pytest.approx(100 * (design.judged / today - 1), abs=0.05)
     assert float(real) == pytest.approx(100 * (design.starts[0] / today - 1), abs=0.05)
     assert float(built) < float(real)
+
+
+@pytest.mark.parametrize(
+    ("name", "bands", "where"),
+    [
+        ("double", BANDS, ""),
+        ("yielding", ad.Bands(structure=(0.0, 0.0), link_mass=(3.0, 3.0)), "at the file's values"),
+        (
+            "twins",
+            ad.Bands(structure=(0.0, 1.0), bulk_modulus=(0.5, 1.2), payload=(0.1, 3.0)),
+            "not at their ends",
+        ),
+    ],
+)
+def test_a_least_gain_that_the_search_did_not_see_stands_beside_that_at_the_ends(
+    name: str, bands: ad.Bands, where: str
+) -> None:
+    """The search, its starts and its bound know the gains at the ends of the bands alone."""
+    machine, space = MACHINES[name](), workspace_of(name)
+    design = ad.size_cylinders(machine, space, bands=bands)
+    first, banded = design_sheets(design)[:2]
+    today = {one.corner: one.frequency for one in design.band_before.scenarios}
+    new = {one.corner: one.frequency for one in design.band_after.scenarios}
+    ends = percent(min(new[corner] / today[corner] for corner in new) - 1)
+    assert (ends != percent(design.least_gain)) == bool(where)
+    words = f", {where}; at their ends {ends}" if where else ""
+    assert banded.note.endswith(
+        f"; least gain within the bands {percent(design.least_gain)}{words}"
+    )
+    assert "made for the least gain at the ends of the bands; of that" in first.note
 
 
 @pytest.mark.slow

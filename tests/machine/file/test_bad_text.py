@@ -52,6 +52,21 @@ URDF_CASES = [
     (re.sub(r'axis xyz="[^"]*"', 'axis xyz="0 0 0"', URDF), "the axis has no length"),
     (re.sub(r'ixx="[^"]*"', 'ixx="-5"', URDF), "no body has principal inertias"),
     (re.sub(r"<inertia [^>]*>", "", URDF), "<inertial> lacks <mass> or <inertia>"),
+    *(
+        (re.sub(rf"(<{tag} [^>]*/>)", r"\1\1", URDF, count=1), f"has more than one <{tag}>")
+        for tag in ("axis", "limit", "parent", "child")
+    ),
+    *(
+        (
+            re.sub(rf"(<{tag} [^>]*/>)", r"\1\1", URDF, count=1),
+            f"has more than one <{tag}> in its <inertial>",
+        )
+        for tag in ("mass", "inertia")
+    ),
+    (
+        re.sub(r"(<inertial>.*?</inertial>)", r"\1\1", URDF, count=1, flags=re.DOTALL),
+        "has more than one <inertial>",
+    ),
     (
         URDF.replace('<parent link="boom" />', '<parent link="boom" /><mimic joint="boom"/>'),
         "mimics another joint",
