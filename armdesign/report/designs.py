@@ -56,7 +56,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     made_for = {
         "nominal": "all that follows: of the poses; " if between else "",
         "worst": "all that follows: of the poses, in the worst case of the bands; ",
-        "gain": "made for the least gain at the ends of the bands; of that gain of the poses: ",
+        "gain": "made for the least gain at the ends of the bands, of the poses: ",
         "bandwidth": "made for the least bandwidth; of it, as estimated from frequencies: ",
     }
     notes = [

@@ -433,9 +433,8 @@ def test_the_report_shows_the_bands_of_the_file() -> None:
         assert "oil 0.7 to 1.1 ×" in sheet.note
         least = f"least gain within the bands {100 * design.least_gain:+.1f} %"
         assert sheet.note.endswith(f"; the new machine was designed {words}; {least}")
-        assert (
-            ": of the poses, in the worst case of the bands; before rounding" in first.note
-        ) == (made_for == "worst")
+        worst = ": of the poses, in the worst case of the bands; before rounding"
+        assert (worst in first.note) == (made_for == "worst")
         gain = 100 * (design.unrounded / design.band_before.nominal - 1)
         assert (f"before rounding {gain:+.1f} %" in first.note) == (made_for == "gain")
     plain = machine_with(stated, "")

@@ -66,7 +66,7 @@ def test_a_least_gain_that_the_search_did_not_see_stands_beside_that_at_the_ends
     assert banded.note.endswith(
         f"; least gain within the bands {percent(design.least_gain)}{words}"
     )
-    assert "made for the least gain at the ends of the bands; of that" in first.note
+    assert "made for the least gain at the ends of the bands, of the poses: " in first.note
 
 
 @pytest.mark.slow
