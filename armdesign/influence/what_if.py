@@ -1,7 +1,8 @@
 """What if: all that matters of a machine before and after a change, linear and exact.
 
 The linear estimate of the worst frequency comes from its exact derivatives at worst pose and
-rivals; of all other quantities the central difference of a hundredth of the change.
+rivals; of all other quantities the central difference of a hundredth of the change, of positions
+of the worst pose only where they move evenly: it jumps between poses that are equally low.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import numbers_of
 from armdesign.machine.lift_chart import LiftChart, lift_chart_if_any
 from armdesign.machine.machine import Machine
-from armdesign.report.comparison import is_position, quantities
+from armdesign.report.comparison import WORST_POSE, is_position, quantities
 from armdesign.report.sheet import Sheet
 from armdesign.short_repr import short_repr
 from armdesign.units import WORKSHOP, Units, percent
@@ -47,6 +48,7 @@ UNCHANGED = 5e-5  # relative change that is none
 WORST, LIFT = "worst", "lift at "  # the worst frequency, and beginning of masses on the chart
 SIGNED = ("m", "rad")  # units of places and angles, which may be below zero
 COUNTED = "limiting."  # beginning of shares of poses, which jump
+EVEN, STILL = 0.2, 1e-5  # two sides of a position differ by so much of both, or [rad, m], at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +60,9 @@ class WhatIf:
         before: the map of the machine.
         after: the map of the changed machine over its own workspace.
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
-            change is no number; below zero where it is too large), value after, and relative
-            change by both (NaN of joint positions, whose zero means nothing).
+            change is no number, of positions that jump and of idle joints; below zero where it is
+            too large), value after, and relative change by both (NaN of joint positions, whose
+            zero means nothing).
         missing: why there are no bandwidths; empty where there are, or none are asked for.
         damping: ratio of all modes on which bandwidths rest; None: what the file gives.
     """
@@ -117,10 +120,14 @@ class WhatIf:
         return [*sheets, self._sheet("Forces, speeds, pressures, reach", moved, units, note)]
 
     def _unchanged(self, table: pd.DataFrame) -> Flags:
-        """Which quantities are as before, joint positions to ``UNCHANGED`` [rad, m]."""
+        """Which quantities are as before, joint positions to ``UNCHANGED`` [rad, m].
+
+        Positions of idle joints mean nothing: every other is as low.
+        """
         positions = [is_position(name) for name in table.index]
         moved = np.where(positions, table["after"] - table["before"], table["change"])
-        return np.asarray(np.abs(moved) < UNCHANGED)
+        idle = [_is_idle(name, self.before.machine) for name in table.index]
+        return np.asarray((np.abs(moved) < UNCHANGED) | idle)
 
     def _changes(self) -> Sheet:
         pairs = self.changes.items()
@@ -366,10 +373,24 @@ def _linear(
     for name, (value, _) in before.items():
         ends = [side.get(name, (None, ""))[0] for side in sides]
         known = not isinstance(value, str) and value is not None and None not in ends
+        if known and is_position(name):
+            known = not _is_idle(name, machine) and _evenly(ends[1], value, ends[0])
         if known and not name.startswith(COUNTED):
             estimates[name] = value + (ends[0] - ends[1]) / (2 * PART)
     estimates[WORST] = _worst(machine, steps, points)
     return estimates
+
+
+def _is_idle(name: str, machine: Machine) -> bool:
+    """Whether a quantity is the position of a joint that changes no frequency."""
+    joint = name.rpartition(f"{WORST_POSE}.")[2]
+    return is_position(name) and any(joint == machine.joints[j] for j in machine.idle_joints)
+
+
+def _evenly(before: float, at: float, after: float) -> bool:
+    """Whether a position [rad, m] moves on as it came, rather than jump or meet a limit."""
+    come, gone = at - before, after - at
+    return abs(gone - come) <= STILL + EVEN * (abs(come) + abs(gone))
 
 
 def _worst(

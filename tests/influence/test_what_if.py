@@ -11,6 +11,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.influence.changes import read_changes
+from armdesign.influence.what_if import _evenly
 from tests import machines
 from tests.commands import assert_one_line, main
 
@@ -275,3 +276,44 @@ def test_joints_of_worst_poses_change_by_degrees() -> None:
     assert cells["empty.worst.boom [°]"][-1] == f"{turned:+.1f}°"
     assert "empty.worst.stick [°]" not in cells or cells["empty.worst.stick [°]"][-1] != "+0.0°"
     assert cells["boom.joint_speed_least_extending [°/s]"][-1].endswith(" %")
+
+
+def test_positions_of_joints_that_change_no_frequency_are_no_change() -> None:
+    """The worst pose has any slew: each map finds another."""
+    machine = machines.named("slewing")
+    assert machine.idle_joints == {machine.joints.index("swing")}
+    answer = ad.what_if(machine, {"cylinder.boom.bore_mm": 130.0}, 3)
+    frame = answer.frame.set_index("quantity")
+    swings = [name for name in frame.index if name.endswith(".worst.swing")]
+    assert swings
+    assert frame.loc[swings, "linear"].isna().all()
+    assert not any(".swing" in row[0] for row in answer.sheets()[-1].rows)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "even"),
+    [
+        (0.10, 0.12, True),
+        (0.10, 0.1201, True),
+        (0.11, 0.11, True),
+        (0.11, 0.12, False),  # a limit of the joint holds it
+        (0.11, math.pi, False),  # another pose is as low
+        (0.10, 0.10, False),
+    ],
+)
+def test_positions_have_linear_estimates_where_they_move_evenly(
+    before: float, after: float, even: bool
+) -> None:
+    assert _evenly(before, 0.11, after) == even
+
+
+def test_a_position_that_moves_evenly_is_estimated() -> None:
+    """Of the empty bucket's worst pose: a fifth of the change moves it a fifth as far."""
+    machine, key = ad.load("excavator_20t"), "cylinder.boom.bore_mm"
+    far, near = (ad.what_if(machine, {key: bore}, POINTS) for bore in (125.0, 121.0))
+    joint = "empty.worst.bucket"
+    before = row(far, joint)["before"]
+    moved = [row(one, joint)["linear"] - before for one in (far, near)]
+    assert abs(moved[0]) > 1e-3
+    assert moved[0] == pytest.approx(5 * moved[1], rel=0.02)
+    assert row(near, joint)["after"] - before == pytest.approx(moved[1], rel=0.1)
