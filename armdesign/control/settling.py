@@ -16,14 +16,17 @@ NOTABLE = 0.01  # residue, in the step, of a pole that counts
 SLOW = 0.05  # s over the smallest K
 SLOW_POLE = 0.2  # damping ratio: a pole that shows and is damped less peaks in |T| above
 ALIKE = 6.0  # rad: delays that differ by less take as many states
+HALVINGS = 40  # of the time that may pass
 CREEP = 1e-6  # [ω_1] poles of pressures that move nothing
 
 
 def settling_time(plant: LoopPlant, controller: Controller) -> Array:
-    """Settling time (n,) [s] of the slowest pole that a step of any joint shows; inf if unstable.
+    """Settling time (n,) [s] after which a step of any joint is within 2 %; inf if unstable.
 
-    A pole λ shows with its residue C v w B/λ, v and w its right and left eigenvectors. Pressures
-    that creep apart of themselves, to the right, do not count.
+    A pole λ shows with its residue C v w B/λ, v and w its right and left eigenvectors, and one of
+    a pair with twice that; from no more than the step it decays. What all of them leave, each at
+    its largest, is within 2 %. Pressures that creep apart of themselves, to the right, do not
+    count.
     """
     if not plant.delay:
         return _settling_time(plant, controller, None)
@@ -44,11 +47,29 @@ def _settling_time(plant: LoopPlant, controller: Controller, turns: float | None
         left = np.linalg.pinv(right) @ B
     counts = np.abs(poles) > CREEP * plant.omega[:, None]
     residues = (C @ right)[:, :, :] * np.swapaxes(left, 1, 2)  # (n, nq, m): own response
-    shown = np.abs(residues / np.where(counts, poles, 1.0)[:, None]).max(axis=1) > NOTABLE
+    shown = np.abs(residues / np.where(counts, poles, 1.0)[:, None])  # (n, nq, m)
     counts &= (poles.real < 0) | (poles.real > plant.fastest_creep[:, None])
-    slowest = np.where(shown & counts, poles.real, -np.inf).max(axis=1)
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.where(slowest < 0, math.log(1 / WITHIN) / -slowest, np.inf))
+    shown = np.where(counts[:, None] & (shown > NOTABLE), shown, 0.0)
+    begins = np.minimum(np.where(poles.imag == 0, 1.0, 2.0)[:, None] * shown, 1.0)
+    unstable = (begins.any(axis=1) & (poles.real >= 0)).any(axis=1)
+    return np.where(unstable, np.inf, _within(begins, np.maximum(-poles.real, 0.0)))
+
+
+def _within(begins: Array, decay: Array) -> Array:
+    """Time (n,) [s] from which Σ begins exp(−decay t) is within 2 %, of the slowest joint.
+
+    Args:
+        begins: of each joint and pole (n, nq, m).
+        decay: of the poles (n, m) [1/s].
+    """
+    slowest = np.where(begins.any(axis=1), decay, np.inf).min(axis=1)
+    low = np.zeros(len(decay))
+    high = math.log(max(begins.shape[2], 1) / WITHIN) / np.where(slowest > 0, slowest, np.inf)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        left = (begins * np.exp(-decay * middle[:, None])[:, None]).sum(axis=2).max(axis=1)
+        low, high = np.where(left > WITHIN, middle, low), np.where(left > WITHIN, high, middle)
+    return high
 
 
 def _heard(plant: LoopPlant, controller: Controller) -> Array:

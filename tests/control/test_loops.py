@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import control
 import numpy as np
@@ -12,7 +13,9 @@ import armdesign as ad
 from armdesign.control.controller import Controller, Filter, closed_loop
 from armdesign.control.loop_plant import loop_plant, workable
 from armdesign.control.loops import FINE, Loops
+from armdesign.control.map_parts import ControlOptions
 from armdesign.control.settling import settling_time, tracking_error
+from armdesign.control.tuning import Task, Tuned, damped, proportional
 from tests.control.machines import WORST, many_plants, one_mass, rigid, worst_plant
 
 
@@ -123,6 +126,24 @@ def test_settling_of_python_control() -> None:
     outside = np.abs(np.ravel(step.outputs) - 1) > 0.02
     last = time[np.flatnonzero(outside)[-1]]
     assert last <= settling_time(plant, controller)[0] * 1.2
+
+
+@pytest.mark.parametrize("tuned", [proportional, damped])
+def test_poles_that_hardly_show_do_not_delay_settling(tuned: Callable[[Task], Tuned]) -> None:
+    """Leakage turns chambers with air slowly, by 1 to 3 % of a step: python-control's settles."""
+    changes = {
+        "fluid.entrained_air_percent": 0.5,
+        "cylinder.lift.valve.leakage_l_per_min_per_bar": 0.001,
+    }
+    machine = ad.load("paper_1dof").replace(changes)
+    plant = loop_plant(machine, machine.at(ad.Workspace.grid(machine, points=4).q))
+    controller = tuned(Task(plant, Loops.of(plant), ControlOptions().aim)).controller
+    A, B, C = closed_loop(plant, controller)
+    for pose, said in enumerate(settling_time(plant, controller)):
+        time = np.linspace(0, 2 * said, 4001)
+        step = control.step_response(control.ss(A[pose], B[pose], C, 0), time).outputs
+        last = time[np.flatnonzero(np.abs(np.ravel(step) - 1) > 0.02)[-1]]
+        assert 0.95 * last < said < 1.5 * last
 
 
 def test_ramps_lag_by_speed_over_gain() -> None:
