@@ -116,7 +116,7 @@ class _Envelope:
         if least is not None:
             conditions.append({"type": "ineq", **along(least)})
         if _coupled(self.machine):
-            conditions.append({"type": "ineq", "fun": lambda u: self._margins(low + u * span)})
+            conditions.append({"type": "ineq", "fun": lambda u: self._finite(low + u * span)})
         for start in starts:
             answer = minimize(
                 **along(aim, -1.0),
@@ -140,6 +140,10 @@ class _Envelope:
 
     def _margins(self, q: Array) -> Array:
         return self.machine.margins(q[None])[0]
+
+    def _finite(self, q: Array) -> Array:
+        """The margins, 1 for a motor, which has no ends, and -1 where a four-bar is open."""
+        return np.nan_to_num(self._margins(q), posinf=1.0, neginf=-1.0)
 
 
 def _coupled(machine: Machine) -> bool:

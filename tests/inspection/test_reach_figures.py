@@ -11,7 +11,7 @@ import pytest
 from armdesign.inspection.reach_figures import reach_figures
 from tests.design.requirements.shared import shipped_reference
 from tests.machine.shipped_facts import foot
-from tests.machines import named
+from tests.machines import BOOM, LIFT, STICK, CylinderSpec, Joint, build, named
 from tests.planar_arm import at
 
 EXCAVATORS = ["excavator_20t", "excavator_12t", "mini_excavator_2t"]
@@ -71,6 +71,23 @@ def test_slewing_changes_no_figure() -> None:
     fixed, slewing = reach_figures(named("rigid_excavator_20t")), reach_figures(named("slewing"))
     for one, other in zip(vars(fixed).values(), vars(slewing).values(), strict=True):
         assert one == pytest.approx(other, abs=1e-6)
+
+
+def test_a_motor_beside_a_cylinder_across_joints_changes_no_figure() -> None:
+    """A wrist that turns about the line to the tool; its margin, which never ends, is inf."""
+    ends = ("stick", (1.5, 0.0, 0.0)), ("wrist", (0.5, 0.0, 0.0))
+    wrist = Joint("wrist", "stick", xyz=(1.0, 0, 0), axis=(1, 0, 0), kind="continuous")
+    motor = (
+        "[motor.turn]\njoint = 'wrist'\ndisplacement_cm3 = 160\ngear_ratio = 24\n"
+        "trapped_volume_l = { a = 0.6, b = 0.9 }"
+    )
+    long = CylinderSpec("long", ("root", (-0.5, 0, 0.9)), ("stick", (-0.3, 0, 0.7)))
+    bare = build([BOOM, STICK], [LIFT, long], payload=ends[0])
+    turned = build([BOOM, STICK, wrist], [LIFT, long], payload=ends[1], more=motor)
+    one, other = reach_figures(bare), reach_figures(turned)
+    assert one.reach_at_ground is not None
+    for name, figure in vars(one).items():
+        assert getattr(other, name) == (figure and pytest.approx(figure, abs=1e-6)), name
 
 
 @pytest.mark.parametrize("name", ["loader_crane", "crossing", "branched", "redundant"])
