@@ -178,7 +178,8 @@ FrequencyOption = Annotated[
     float,
     typer.Option(
         "--frequency",
-        help="Worst natural frequency to reach, in Hz, within the bands; needs --least.",
+        help="Frequency in Hz that no pose of the workspace may fall below, within the bands;"
+        " needs --least.",
         show_default=False,
     ),
 ]

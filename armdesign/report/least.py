@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from armdesign.design.least import amounts
+from armdesign.report.maps import LOWEST
 from armdesign.units import WORKSHOP, Units, litre, percent
 
 if TYPE_CHECKING:
@@ -15,7 +16,10 @@ NAMES = {"oil": "Oil of all cap sides", "flow": "Pump flow", "mass": "Mass of al
 
 
 def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
-    """The answer of ``least``: the amount today and new, and the frequency that it allows."""
+    """The answer of ``least``: the amount today and new, and the frequency that it allows.
+
+    The worst is sought between the poses too; what was asked for counts at the poses alone.
+    """
     before, after = amounts(design, of)
     unit = {"oil": "m³", "flow": "m³/s", "mass": "kg"}[of]
     digits = max(2 - math.floor(math.log10(before / litre)), 0)  # three that count
@@ -24,7 +28,10 @@ def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
     change = percent(after / before - 1)
     frequencies = (m.worst.frequency for m in (design.before, design.after))
     today, new = (f"{frequency:.3f}" for frequency in frequencies)
+    within = "" if design.made_for == "nominal" else " within the bands"
+    judged = f"{design.judged:.3f}"
+    asked = f"; {LOWEST}{within}, as asked for: {judged} Hz" if within or judged != new else ""
     return (
         f"{NAMES[of]}: {one} → {other} {units.name(unit)} ({change}); worst natural frequency"
-        f" {today} → {new} Hz."
+        f" {today} → {new} Hz{asked}."
     )

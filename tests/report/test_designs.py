@@ -105,6 +105,24 @@ def test_the_least_oil_of_a_small_machine_has_three_digits() -> None:
     )
 
 
+@pytest.mark.parametrize(("rows", "bands"), [([1], ""), ([0, 2], ""), ([1], " within the bands")])
+def test_the_frequency_asked_for_is_that_of_the_poses(rows: list[int], bands: str) -> None:
+    """The worst, at the end of the range, is said too: it may be less than what was asked for."""
+    machine = ad.load("paper_1dof")
+    space = ad.Workspace.grid(machine, points=3).subset(np.array(rows))
+    payload = ad.Bands(payload=(0.8, 1.2)) if bands else ad.Bands()
+    asked = 9.0 if rows == [1] else 7.4
+    design = ad.least(machine, space, frequency=asked, vary=["areas"], starts=1, bands=payload)
+    worst, judged = design.after.worst.frequency, design.judged
+    assert judged >= asked
+    lowest = design.band_after.low.frequency if bands else design.after.lowest.min()
+    assert judged == pytest.approx(lowest)
+    said = f"; lowest of the poses{bands}, as asked for: {judged:.3f} Hz"
+    assert (worst < asked) == (rows == [1])
+    sentence = least_sentence(design, "oil")
+    assert sentence.endswith(f"→ {worst:.3f} Hz{said if rows == [1] else ''}.")
+
+
 @pytest.mark.parametrize(
     ("new", "words"),
     [(1.00, "where it gained +20.0 %: with more --points"), (0.9, "+20.0 %"), (1.11, "")],
