@@ -26,7 +26,17 @@ def functions() -> Iterator[tuple[str, Any]]:
                     yield f"{name}.{inner}", function
 
 
+def methods() -> Iterator[doctest.DocTest]:
+    """Examples in docstrings of public classes."""
+    for name in ad.__all__:
+        public = getattr(ad, name)
+        if inspect.isclass(public):
+            finder = doctest.DocTestFinder()
+            yield from (one for one in finder.find(public, name, globs={}) if one.examples)
+
+
 PUBLIC = dict(functions())
+METHODS = {one.name: one for one in methods()}
 LONG = ("steps", "plan_move")  # they search, or plan and simulate
 
 
@@ -40,3 +50,9 @@ def test_its_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert examples[0].examples, f"{name} shows no example"
     result = doctest.DocTestRunner().run(examples[0])
     assert result.failed == 0
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_examples_of_methods_run(name: str) -> None:
+    """One printed 2.222 Hz long after the 20 t machine had come to yield: 1.955 Hz."""
+    assert doctest.DocTestRunner().run(METHODS[name]).failed == 0

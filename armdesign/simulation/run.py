@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
 
 ROUNDING = 1e-8  # of the energies of a machine at rest
+HELD = 1e-3  # of the largest swing of a speed: its noise would count as much
 STILL = 1e-5  # [rad/s, m/s] peak to peak: within some 10 µm at the tool, as creep and rounding
 LEFT = 0.2  # share of the motion that the modes found leave, above which it is said
 SETTLED = 1e-4  # of a spool's travel: what it still moves when it rests
@@ -40,7 +41,7 @@ class Ring(ReadOnly):
     Attributes:
         begin: first instant of the window [s].
         end: its last instant [s].
-        fit: modes of the joints' speeds there.
+        fit: modes there of the speeds of joints, then springs, but of those that friction holds.
         linear_frequencies: on trapped oil, at the mean pose of the window, ascending [Hz].
         cavitated: chambers that ran empty in the window, and when, in words. Vapour is no spring:
             such a ring is lower than the linear answer, the more the larger the swing.
@@ -187,7 +188,7 @@ class Simulation(ReadOnly):
     def ring(self, begin: float | None = None, end: float | None = None, modes: int = 1) -> Ring:
         """Natural frequencies and damping that the machine rings with once its spools rest.
 
-        Of the speeds of joints and springs together.
+        Of the speeds of joints and springs together, but of those that friction holds.
 
         Args:
             begin: of the window [s]; None: as soon as no spool moves any more.
@@ -203,7 +204,7 @@ class Simulation(ReadOnly):
             >>> up = {"boom": ad.Step(size=0.02, end=1.0)}
             >>> run = ad.simulate(ad.load("excavator_20t"), (0.5, -1.8, -0.6), up, duration=8.0)
             >>> print(run.ring().words)
-            1.11…8 s: 2.222 Hz, lowest linear 2.228 Hz
+            1.11…8 s: 1.955 Hz, lowest linear 1.906 Hz
         """
         part = f"{self.machine.name}: ring"
         if begin is None:
@@ -223,7 +224,8 @@ class Simulation(ReadOnly):
         if swing < STILL:
             fault = f"nothing rings: speeds swing by {swing:.2g} rad/s or m/s, as by rounding"
             raise SimulationError(part, fault, "move the machine first, or begin earlier")
-        fit = identify_ringdown(self.time[inside], speeds, modes, part)
+        moved = np.ptp(speeds, axis=0) > HELD * swing
+        fit = identify_ringdown(self.time[inside], speeds[:, moved], modes, part)
         if (most := float(fit.damping_ratios.max())) > OVERDAMPED:
             fault = f"no ring but a creep or a stop: damping ratio {most:.3f}, as friction gives"
             fewer = "ask for fewer modes, " if modes > 1 else ""
