@@ -4,7 +4,7 @@ A number that changes by much may move the worst pose off its end stop, or a sto
 Every member tries all directions at once: a joint alone, two against each other, along which a
 link keeps its pitch, and some by chance, without which it would stay in a kink (Audet and Dennis
 2006). It goes to the lowest place in stroke, with longer steps after a success and shorter ones
-after none (Kolda, Lewis and Torczon 2003).
+after none (Kolda, Lewis and Torczon 2003). One that begins out of stroke goes back into it first.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ FIRST, LAST = 0.02, 2e-5  # steps, over the joint's range
 ROUNDS = 60  # at most
 RANDOM, STILL = 8, 0.3  # directions by chance in each round, and share of joints that stay in them
 ALLOWED = 1e-9  # room that a pose may lack
+OUTSIDE = 1e6  # [Hz] above all frequencies: a pose out of stroke, the more the more it lacks
 
 
 def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
     """Lowest frequency (n,) [Hz] of every member near a worst pose (nq,), and where (n, nq).
 
-    NaN where neither that pose nor the one that follows its ends is in stroke.
+    NaN where no pose near that one, or near the one that follows its ends, is in stroke.
     """
     search = _Compass(family, replace(ends, ends=all_ends(ends.machine)))
     best_q = ends.follow(family, q)
@@ -53,11 +54,11 @@ def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
         best_q[better] = tried[lower, chosen[lower]]
         best[better] = values[lower, chosen[lower]]
         steps[rows] *= np.where(lower, 1.5, 0.4)
-    return np.where(np.isfinite(best), best, np.nan), best_q
+    return np.where(best < OUTSIDE, best, np.nan), best_q
 
 
 class _Compass:
-    """Frequencies of members at poses, inf out of stroke, and the directions that are tried."""
+    """Frequencies of members at poses, and the directions that are tried."""
 
     def __init__(self, family: Family, ends: Ends) -> None:
         self._family, self._ends = family, ends
@@ -78,11 +79,16 @@ class _Compass:
         return np.concatenate([ways, -ways])
 
     def frequencies(self, q: Array, members: Array) -> Array:
-        """Lowest frequency (m,) [Hz] of some members (m,) at poses (m, nq)."""
+        """Lowest frequency (m,) [Hz] of some members (m,) at poses (m, nq).
+
+        Out of stroke above all others; inf where a linkage is open.
+        """
         family = self._family.some(members)
         with np.errstate(invalid="ignore"):
-            inside = np.all(self._ends.room(family, q) >= -ALLOWED, axis=1)
-        values = np.full(len(q), np.inf)
+            room = self._ends.room(family, q)
+            inside = np.all(room >= -ALLOWED, axis=1)
+            lack = np.where(np.isnan(room), np.inf, np.maximum(-room, 0.0)).sum(axis=1)
+        values = OUTSIDE * (1 + lack)
         if inside.any():
             kept = self._family.some(members[inside])
             values[inside] = lowest_frequency(kept.at(q[inside], self._ends.machine.payload.name))

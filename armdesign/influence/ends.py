@@ -6,6 +6,10 @@ left to the ends, f the frequency and p a number, the worst frequency f* changes
     df*/dp = ∂f/∂p − Σ λ ∂c/∂p,   ∂f/∂q = Σ λ ∂c/∂q,   λ ≥ 0
 
 (multipliers λ; Fiacco 1983): a pose in the middle of all ranges may stay where it is.
+
+In oil with air an actuator is softest where its load leaves both chambers at the lower pressure:
+the frequency has a kink there, and a worst pose in it stays in it. From the side on which the
+pose stands, the kink is an end as others are.
 """
 
 from __future__ import annotations
@@ -21,10 +25,12 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.influence.family import Family
 from armdesign.machine.file.key_paths import Location
 from armdesign.machine.machine import Machine
+from armdesign.machine.poses import Poses
 
 REACHED = 1e-6  # room that is none: share of the stroke, of the joint's range, rad
+IN_KINK = 1e-5  # the same of a load, over the largest: as near as a kink is found
 PULL = 1e-6  # multiplier, over the largest, that is none
-STEP = 1e-4  # of differences by q, over the joint's range
+STEP, BESIDE = 1e-4, 1e-6  # of differences by q, over the joint's range; beside a kink
 NEWTON, CLOSE = 30, 1e-13  # steps by which a pose follows its ends, and when they are none
 
 
@@ -33,13 +39,14 @@ class End:
     """An end of the poses.
 
     Attributes:
-        kind: of a cylinder's stroke, of a joint in the URDF, of a load case's pitch.
-        index: of the cylinder or joint.
-        upper: whether it is the upper end.
+        kind: of a cylinder's stroke, of a joint in the URDF, of a load case's pitch, of the side
+            of a kink by an actuator's load.
+        index: of the cylinder, joint or actuator.
+        upper: whether it is the upper end; of a load whether it is pushed from there on.
         words: what it is.
     """
 
-    kind: Literal["stroke", "joint", "pitch"]
+    kind: Literal["stroke", "joint", "pitch", "load"]
     index: int
     upper: bool
     words: str
@@ -72,9 +79,11 @@ class Ends:
             return np.zeros((len(q), 0))
         strokes = {end.index for end in self.ends if end.kind == "stroke"}
         extensions = family.extensions(q, strokes)
-        return np.stack([self._room(end, extensions, q) for end in self.ends], axis=1)
+        return np.stack([self._room(end, family, extensions, q) for end in self.ends], axis=1)
 
-    def _room(self, end: End, extensions: Mapping[int, Array], q: Array) -> Array:
+    def _room(
+        self, end: End, family: Family, extensions: Mapping[int, Array], q: Array
+    ) -> Array:
         if end.kind == "stroke":
             out = extensions[end.index]
             return np.asarray((1 - out if end.upper else out) - self.end_margin)
@@ -82,6 +91,9 @@ class Ends:
             limits = self.machine.arm.limits[end.index]
             away = limits[1] - q[:, end.index] if end.upper else q[:, end.index] - limits[0]
             return np.asarray(away / np.ptp(limits))
+        if end.kind == "load":
+            above = _loads(self.machine, family.at(q, self.machine.payload.name))[:, end.index]
+            return above if end.upper else -above
         case, rigid = self.machine.payload, self.machine.arm.kinematics(q)
         return case.room(self.machine.arm, rigid, upper=end.upper)
 
@@ -119,12 +131,17 @@ class Ends:
         return slopes
 
 
-def differences(function: Callable[[Array], Array], q: Array, spans: Array) -> Array:
-    """∂/∂q (n, …, nq) of a function (n, …) of poses (n, nq), central, of fourth order."""
+def differences(
+    function: Callable[[Array], Array], q: Array, spans: Array, share: float = STEP
+) -> Array:
+    """∂/∂q (n, …, nq) of a function (n, …) of poses (n, nq), central, of fourth order.
+
+    By steps of a share of the spans (nq,).
+    """
     columns = []
     for joint, span in enumerate(spans):
         step = np.zeros(q.shape[1])
-        step[joint] = STEP * span
+        step[joint] = share * span
         near, far = (function(q + k * step) - function(q - k * step) for k in (1, 2))
         columns.append((8 * near - far) / (12 * step[joint]))
     return np.stack(columns, axis=-1)
@@ -144,6 +161,7 @@ def ends_at(
     own = Family.of(machine, {}, 1)
     ends = Ends(machine, workspace.end_margin, all_ends(machine), np.zeros(0))
     ends = ends.some(ends.room(own, q[None])[0] < REACHED)
+    ends = replace(ends, ends=(*ends.ends, *_kinks(machine, q)))
     multipliers = _multipliers(ends, own, q, frequency)
     holding = multipliers > PULL * multipliers.max(initial=0.0)
     return replace(ends.some(holding), multipliers=multipliers[holding])
@@ -152,21 +170,51 @@ def ends_at(
 def _multipliers(
     touched: Ends, own: Family, q: Array, frequency: Callable[[Array], Array]
 ) -> Array:
-    """λ ≥ 0 of ∂f/∂q = Σ λ ∂c/∂q (m,), least squares."""
+    """λ ≥ 0 of ∂f/∂q = Σ λ ∂c/∂q (m,), least squares; beside kinks, on their side."""
     from scipy.optimize import nnls
 
     if not touched.ends:
         return np.zeros(0)
-    gradient = differences(frequency, q[None], np.ptp(touched.machine.ranges, axis=1))[0]
-    slopes = touched.slopes(own, q[None])[0]
+    slopes, spans = touched.slopes(own, q[None])[0], np.ptp(touched.machine.ranges, axis=1)
+    at, share = q, STEP
+    if loads := [k for k, end in enumerate(touched.ends) if end.kind == "load"]:
+        share = BESIDE
+        at = q + np.linalg.pinv(slopes[loads]) @ (4 * share * np.abs(slopes[loads]) @ spans)
+    gradient = differences(frequency, at[None], spans, share)[0]
     if not (np.isfinite(gradient).all() and np.isfinite(slopes).all()):
         return np.zeros(len(touched.ends))  # a linkage opens there: the pose stays
     multipliers, _ = nnls(slopes.T, gradient)
     return np.asarray(multipliers)
 
 
+def _kinks(machine: Machine, q: Array) -> list[End]:
+    """Actuators that a pose (nq,) loads so that the frequency has a kink there."""
+    if not machine.fluid.aerated:
+        return []
+    above = _loads(machine, machine.at(q[None]))[0]
+    return [
+        End("load", i, bool(load >= 0), f"no load on {machine.actuators[i].name}")
+        for i, load in enumerate(above)
+        if abs(load) < IN_KINK
+    ]
+
+
+def _loads(machine: Machine, poses: Poses) -> Array:
+    """Static forces above those with both chambers at the lower pressure (n, nc).
+
+    Over the largest that the machine's supply gives its actuators.
+    """
+    family, loads = poses.machine, []
+    for i, (actuator, own) in enumerate(zip(family.actuators, machine.actuators, strict=True)):
+        force = poses.cylinder_forces[:, i]
+        low = np.minimum(*actuator.static_pressures(force, family.supply))
+        balanced = low * (actuator.bore_area - actuator.annulus_area)
+        loads.append((force - balanced) / (machine.supply.pressure * own.bore_area))
+    return np.stack(loads, axis=1)
+
+
 def all_ends(machine: Machine) -> tuple[End, ...]:
-    """Every end that a pose may touch."""
+    """Every end that a pose may touch and not go beyond."""
     ends = []
     for i, cylinder in enumerate(machine.cylinders):
         for upper, words in ((False, "in"), (True, "out")):

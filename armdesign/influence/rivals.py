@@ -58,7 +58,7 @@ class Rival:
     def lowest_near(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] of a family's members near its pose, wherever that is.
 
-        NaN where neither its pose nor the one that follows its ends is in stroke.
+        NaN where no such pose is in stroke.
         """
         return lowest_near(family, self.ends, self.pose.q)[0]
 

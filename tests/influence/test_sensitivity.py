@@ -76,6 +76,17 @@ def test_exact_changes_are_those_of_a_new_map() -> None:
         assert change == pytest.approx(new - answer.rivals[0].frequency, abs=3e-4)
 
 
+@pytest.mark.slow
+def test_exact_changes_where_the_worst_pose_leaves_the_ends_that_it_followed() -> None:
+    """The pivot takes the bucket's kink out of its range: only a rival was found, at +389 mHz."""
+    machine = ad.load("mini_excavator_2t").replace({"fluid.entrained_air_percent": 1.0})
+    answer = ad.sensitivity(machine, ad.Workspace.grid(machine, points=5))
+    other = machine.replace({"cylinder.bucket.four_bar.pivot.at_mm": [890.0, 0.0, 0.0]})
+    new = ad.frequency_map(other, ad.Workspace.grid(other, points=15)).worst.frequency
+    row = answer.frame.set_index("key").loc["cylinder.bucket.four_bar.pivot.at_mm.0"]
+    assert row["up_exact_hz"] == pytest.approx(new - answer.rivals[0].frequency, abs=1e-3)
+
+
 def test_overtaken_is_where_a_rival_is_as_low(excavator_answer: ad.Sensitivity) -> None:
     frame = excavator_answer.frame.set_index("key")
     row = frame.loc["payload.full.mass_kg"]

@@ -187,8 +187,10 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Mo
     then at their best. The second is the singular values of the Hankel matrix.
     """
     fits, of_all, least, margin = list[ModeFit](), np.zeros(0), -math.inf, NEGLIGIBLE / TEMPER
+    most = 0
     for count in range(modes, modes + FURTHER + 1):
-        starts, singular, most = _starts(detrended(signals, trend), count)
+        starts, singular, found = _starts(detrended(signals, trend), count)
+        most = max(most, found)
         if count == modes:
             of_all = singular
         group = _group(signals, starts, trend)
