@@ -32,6 +32,14 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert not at.failures
 
 
+def test_ends_of_a_sobol_sequence_may_be_made_one_by_one() -> None:
+    """As the values of a grid; they were used up by the check, and float() was refused."""
+    listed = ad.sweep("paper_1dof", {"payload.load.mass_kg": [100, 200]}, points=3, sobol=2)
+    made = {"payload.load.mass_kg": (100 * k for k in (1, 2))}
+    one_by_one = ad.sweep("paper_1dof", made, points=3, sobol=2)
+    assert [case.key for case in one_by_one.cases] == [case.key for case in listed.cases]
+
+
 def test_a_machine_changed_part_by_part_has_answers_of_its_own(tmp_path: Path) -> None:
     """A journal took it for the unchanged one, whose texts it has."""
     machine = ad.load("paper_1dof")
