@@ -32,6 +32,18 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert not at.failures
 
 
+def test_a_masked_number_is_no_answer() -> None:
+    """NumPy's ``item`` gives what is beneath the mask, 0.0 for the mean of masked numbers."""
+
+    def mean(*_: object) -> dict[str, object]:
+        return {"mean": np.ma.array([1.0, 2.0], mask=True).mean()}
+
+    failed = ad.sweep("paper_1dof", task=mean, points=3).failures  # type: ignore[arg-type]
+    assert list(failed.values()) == [
+        "answer mean: is MaskedConstant; give a number, a text or a truth value"
+    ]
+
+
 def test_ends_of_a_sobol_sequence_may_be_made_one_by_one() -> None:
     """As the values of a grid; they were used up by the check, and float() was refused."""
     listed = ad.sweep("paper_1dof", {"payload.load.mass_kg": [100, 200]}, points=3, sobol=2)
