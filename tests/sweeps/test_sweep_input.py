@@ -10,6 +10,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.influence.changes import changed_machine
+from armdesign.sweeps.numbers import of_design
 from armdesign.sweeps.study_file import read_study
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
@@ -30,6 +31,20 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert [case.key for case in of_numpy.cases] == [case.key for case in plain.cases]
     at = ad.sweep("paper_1dof", [{"cylinder.lift.base.at_mm": np.array([-490, 0, 0])}], points=3)
     assert not at.failures
+
+
+def test_the_gain_over_a_machine_that_does_not_swing_is_without_end() -> None:
+    """As ``Design.gain`` says it; a worst frequency of 0 Hz was a division by zero."""
+    from types import SimpleNamespace as Named
+
+    machine = ad.load("paper_1dof")
+    maps = [Named(worst=Named(frequency=hz)) for hz in (0.0, 1.0)]
+    rest = dict.fromkeys(("least_gain", "unrounded", "lift_share", "bandwidths"))
+    design = Named(
+        today=machine, machine=machine, before=maps[0], after=maps[1], binding=[], **rest
+    )
+    design.gain = ad.Design.gain.fget(design)  # type: ignore[attr-defined]
+    assert of_design(design)["gain"] == np.inf  # type: ignore[arg-type]
 
 
 def test_a_masked_number_is_no_answer() -> None:
