@@ -57,7 +57,7 @@ def sweep(
             place = folder.absolute()  # pandas takes a ~ at the beginning for the home
             plain_cells(table).to_csv(place / "sweep.csv", index=False)  # every digit
             if importlib.util.find_spec("pyarrow"):
-                _of_one_kind(table).to_parquet(place / "sweep.parquet", index=False)
+                _write_parquet(table, place / "sweep.parquet")
     except KeyboardInterrupt as stop:
         if (out / JOURNAL).exists():
             kept.append(out / JOURNAL)
@@ -84,6 +84,17 @@ def _telling_of_earlier(out: Path, quiet: bool) -> Iterator[None]:
 def _set_aside(out: Path) -> set[Path]:
     """Journals in a folder that are set aside."""
     return set(out.glob(f"{Path(JOURNAL).stem}.*{Path(JOURNAL).suffix}"))
+
+
+def _write_parquet(table: pd.DataFrame, path: Path) -> None:
+    """Write the table as Parquet; where pyarrow cannot be loaded, say so: the CSV file has all."""
+    try:
+        data = _of_one_kind(table).to_parquet(engine="pyarrow", index=False)
+    except ImportError as error:
+        reason = str(error).partition("\n")[0]
+        tell(f"armdesign: {path.name} is not written: pyarrow fails ({reason})", sys.stderr)
+        return
+    path.write_bytes(data)  # pyarrow itself takes no path that is not UTF-8
 
 
 def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:

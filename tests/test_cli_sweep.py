@@ -66,6 +66,42 @@ def test_a_column_of_words_and_numbers_is_words_in_parquet(
     assert [error == "" for error in frame["error"]] == [True, False]
 
 
+def test_a_pyarrow_that_cannot_be_loaded_costs_no_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where its libraries do not fit into the memory; it is installed, and raises."""
+
+    def fails(*_: Any, **__: Any) -> bytes:
+        raise ImportError("libarrow.so: failed to map segment\nof another line")
+
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", fails)
+    words = ["sweep", written(tmp_path), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    assert len(read(tmp_path / "out")) == 9
+    assert not (tmp_path / "out" / "sweep.parquet").exists()
+    told = "sweep.parquet is not written: pyarrow fails (libarrow.so: failed to map segment)"
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are texts elsewhere")
+def test_a_folder_whose_name_is_not_utf_8(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / os.fsdecode(b"out\xff")
+    words = ["sweep", written(tmp_path, TWICE), "--out", str(out), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    with (out / "sweep.parquet").open("rb") as file:
+        assert len(pd.read_parquet(file)) == len(read(out)) == 1
+
+
+def test_requirements_of_a_study_need_no_quotes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As key paths of its grid: ``digging.share`` is a table in a table."""
+    text = 'machine = "excavator_20t"\npoints = 2\n[[requirements]]\ndigging.share = 0.9\n'
+    words = ["sweep", written(tmp_path, text), "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    assert read(tmp_path / "out")["requirements.digging.share"].tolist() == [0.9]
+
+
 def test_large_whole_numbers_are_whole_in_the_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

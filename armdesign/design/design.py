@@ -202,14 +202,15 @@ class Design(ReadOnly):
 
     @cached_property
     def lift_share(self) -> float:
-        """Least lift over today's of all points of the lift chart; NaN where there is none."""
+        """Least lift over today's of all points of the lift chart that lift; NaN without any."""
         today = lift_chart_if_any(self.today)
         new = None if today is None else lift_chart_if_any(self.machine, today)
         if today is None or new is None:
             return math.nan
         lifts = dict(zip(zip(new.reach, new.height, strict=True), new.capacity, strict=True))
         points = zip(today.reach, today.height, today.capacity, strict=True)
-        return min(lifts.get((x, z), 0.0) / lift for x, z, lift in points if lift > 0)
+        shares = (lifts.get((x, z), 0.0) / lift for x, z, lift in points if lift > 0)
+        return min(shares, default=math.nan)
 
     @property
     def made_for(self) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -144,10 +145,11 @@ def limits_of(
     if values is None:
         unit = requirements.box(machine, workspace) if against == "pin_box" else 1.0
         values = [share * unit for share in SHARES[against]]
+    values = list(values)  # which may be made one by one
     numbers = [v for v in values if isinstance(v, int | float | np.number)]
-    usable = [v for v in numbers if math.isfinite(v) and v >= 0]
+    usable = [v for v in numbers if 0 <= v <= sys.float_info.max]
     if not usable or len(usable) < len(values):
-        raise ArmDesignError("values", f"{list(values)} is not allowed", "give finite numbers ≥ 0")
+        raise ArmDesignError("values", f"{values} is not allowed", "give finite numbers ≥ 0")
     return sorted({float(v) for v in values}, reverse=against in ("digging", "lift"))
 
 

@@ -65,7 +65,7 @@ def grid_changes(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
         if isinstance(row, str) or not isinstance(row, Iterable):
             remedy = "give a list, such as [110, 120]"
             raise ArmDesignError(str(path), f"{row!r} is no list of values", remedy)
-        rows.append(list(itertools.islice(row, MOST + 1)))  # which may be made one by one
+        rows.append(_first(MOST, row))
         if not rows[-1]:
             raise ArmDesignError(str(path), "has no values", "give some, or leave the path out")
     refuse_many(math.prod(map(len, rows)))
@@ -88,11 +88,12 @@ def sobol_changes(
         raise ArmDesignError("sobol count", f"{count!r} is not allowed", "give a whole number ≥ 1")
     refuse_unless_seed(seed)
     refuse_many(count)
-    for path, ends in ranges.items():
-        if not _is_range(ends):
-            fault = f"{ends!r} is no range"
+    rows = {path: _first(2, ends) for path, ends in ranges.items()}
+    for path, row in rows.items():
+        if not _is_range(row):
+            fault = f"{ranges[path]!r} is no range"
             raise ArmDesignError(str(path), fault, "give two numbers, the lower one first")
-    low, high = np.array(list(ranges.values()), float).reshape(-1, 2).T
+    low, high = np.array(list(rows.values()), float).reshape(-1, 2).T
     if not low.size:
         raise ArmDesignError("sobol", "has no ranges", "give two ends by key path")
     sequence = qmc.Sobol(low.size, rng=np.random.default_rng(seed))
@@ -100,8 +101,12 @@ def sobol_changes(
     return [dict(zip(ranges, row, strict=True)) for row in (low + points * (high - low)).tolist()]
 
 
-def _is_range(ends: Any) -> bool:
-    row = list(ends) if isinstance(ends, Iterable) else []
+def _first(count: int, values: Any) -> list[Any]:
+    """The first values, which may be made one by one, and one more if there are more."""
+    return list(itertools.islice(values, count + 1)) if isinstance(values, Iterable) else []
+
+
+def _is_range(row: list[Any]) -> bool:
     if len(row) != 2 or any(isinstance(x, bool) or not isinstance(x, Real) for x in row):
         return False
     return bool(-LARGEST < row[0] < row[1] < LARGEST)

@@ -83,7 +83,7 @@ def of_design(design: Design) -> Numbers:
     return {
         "before_hz": before,
         "after_hz": after,
-        "gain": after / before - 1,
+        "gain": design.gain,
         "least_gain": design.least_gain,
         "unrounded_hz": design.unrounded,
         "lift_share": design.lift_share,

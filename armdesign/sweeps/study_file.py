@@ -43,11 +43,13 @@ def read_study(path: Path, load: Callable[[str | Path], Machine]) -> dict[str, A
     task_named(data.get("task", "map"))
     names = data["machine"] if isinstance(data["machine"], list) else [data["machine"]]
     machines = [load(_machine(name, path)) for name in names]
-    plain = ("task", "payloads", "points", "requirements", "outputs")
+    plain = ("task", "payloads", "points", "outputs")
+    rules = ("requirements",) if "requirements" in data else ()
     return {
         "machine": machines,
         **_changes(data, path),
         **{key: data[key] for key in plain if key in data},
+        **{key: _flat_all(data, key, path) for key in rules},
         **({"options": _options(data["options"], path)} if "options" in data else {}),
     }
 
@@ -93,8 +95,7 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if "csv" in data:
         return {"changes": path.parent / data["csv"]}
     if "case" in data:
-        part = f"{path.name}: case"
-        return {"changes": [_flat(c, part) if isinstance(c, dict) else c for c in data["case"]]}
+        return {"changes": _flat_all(data, "case", path)}
     if "sobol" not in data:
         return {"changes": _flat(data["grid"], f"{path.name}: grid")} if "grid" in data else {}
     sequence = dict(data["sobol"])
@@ -113,6 +114,12 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
         raise ArmDesignError(f"{path.name}: sobol.ranges", "is missing", remedy)
     ranges = _flat(ranges, f"{path.name}: sobol.ranges")
     return {"changes": ranges, "sobol": count, "seed": seed}
+
+
+def _flat_all(data: Mapping[str, Any], key: str, path: Path) -> list[Any]:
+    """Every table of a list by key path; others as they are, which are refused later."""
+    part = f"{path.name}: {key}"
+    return [_flat(one, part) if isinstance(one, dict) else one for one in data[key]]
 
 
 def _flat(table: Mapping[str, Any], part: str) -> dict[str, Any]:

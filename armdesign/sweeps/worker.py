@@ -14,6 +14,8 @@ from importlib.metadata import version
 from typing import Any
 from uuid import uuid4
 
+import numpy as np
+
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
 from armdesign.influence.changes import changed_machine
@@ -186,6 +188,8 @@ def _plain(answer: Any) -> dict[str, Any]:
 
 def _scalar(value: Any) -> Any:
     """What stands alone in an array or is a number of NumPy, as Python's own; others as given."""
+    if np.ma.is_masked(value):  # which is no number, though NumPy has one beneath the mask
+        return value
     try:
         return _exact(value.item())
     except (AttributeError, TypeError, ValueError):  # it has no such method, or several numbers

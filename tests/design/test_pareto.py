@@ -165,6 +165,8 @@ def test_the_plot_shows_today_and_every_design(tmp_path: Path) -> None:
         ),
         ({"values": (-1.0,)}, r"values: \[-1\.0\] is not allowed; give finite numbers ≥ 0"),
         ({"values": ("a",)}, r"values: \['a'\] is not allowed; give finite numbers ≥ 0"),
+        ({"values": iter("a")}, r"values: \['a'\] is not allowed; give finite numbers ≥ 0"),
+        ({"values": [10**400]}, r"values: \[10{40,}…\] is not allowed; give finite numbers ≥ 0"),
     ],
 )
 def test_bad_questions(settings: dict[str, object], message: str) -> None:

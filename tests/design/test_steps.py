@@ -178,3 +178,12 @@ def test_lift_share_of_a_design() -> None:
         if np.hypot(x - u, z - v) < 1e-9 and a > 0
     ]
     assert design.lift_share == pytest.approx(min(ratio))
+
+
+def test_a_machine_that_lifts_nothing_has_no_lift_share() -> None:
+    """Its chart has points, all without lift: the least of none was a foreign error."""
+    machine = ad.load("mini_excavator_2t").replace({"supply.pressure_bar": 40.0})
+    assert not ad.lift_chart(machine).capacity.any()
+    requirements = replace(ad.Requirements.of(machine), holding_share=50.0)
+    workspace = ad.Workspace.grid(machine, points=2)
+    assert math.isnan(ad.size_cylinders(machine, workspace, requirements).lift_share)

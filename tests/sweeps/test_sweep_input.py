@@ -10,6 +10,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.influence.changes import changed_machine
+from armdesign.sweeps.numbers import of_design
 from armdesign.sweeps.study_file import read_study
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
@@ -30,6 +31,40 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert [case.key for case in of_numpy.cases] == [case.key for case in plain.cases]
     at = ad.sweep("paper_1dof", [{"cylinder.lift.base.at_mm": np.array([-490, 0, 0])}], points=3)
     assert not at.failures
+
+
+def test_the_gain_over_a_machine_that_does_not_swing_is_without_end() -> None:
+    """As ``Design.gain`` says it; a worst frequency of 0 Hz was a division by zero."""
+    from types import SimpleNamespace as Named
+
+    machine = ad.load("paper_1dof")
+    maps = [Named(worst=Named(frequency=hz)) for hz in (0.0, 1.0)]
+    rest = dict.fromkeys(("least_gain", "unrounded", "lift_share", "bandwidths"))
+    design = Named(
+        today=machine, machine=machine, before=maps[0], after=maps[1], binding=[], **rest
+    )
+    design.gain = ad.Design.gain.fget(design)  # type: ignore[attr-defined]
+    assert of_design(design)["gain"] == np.inf  # type: ignore[arg-type]
+
+
+def test_a_masked_number_is_no_answer() -> None:
+    """NumPy's ``item`` gives what is beneath the mask, 0.0 for the mean of masked numbers."""
+
+    def mean(*_: object) -> dict[str, object]:
+        return {"mean": np.ma.array([1.0, 2.0], mask=True).mean()}
+
+    failed = ad.sweep("paper_1dof", task=mean, points=3).failures  # type: ignore[arg-type]
+    assert list(failed.values()) == [
+        "answer mean: is MaskedConstant; give a number, a text or a truth value"
+    ]
+
+
+def test_ends_of_a_sobol_sequence_may_be_made_one_by_one() -> None:
+    """As the values of a grid; they were used up by the check, and float() was refused."""
+    listed = ad.sweep("paper_1dof", {"payload.load.mass_kg": [100, 200]}, points=3, sobol=2)
+    made = {"payload.load.mass_kg": (100 * k for k in (1, 2))}
+    one_by_one = ad.sweep("paper_1dof", made, points=3, sobol=2)
+    assert [case.key for case in one_by_one.cases] == [case.key for case in listed.cases]
 
 
 def test_a_machine_changed_part_by_part_has_answers_of_its_own(tmp_path: Path) -> None:
