@@ -81,9 +81,7 @@ class Ends:
         extensions = family.extensions(q, strokes)
         return np.stack([self._room(end, family, extensions, q) for end in self.ends], axis=1)
 
-    def _room(
-        self, end: End, family: Family, extensions: Mapping[int, Array], q: Array
-    ) -> Array:
+    def _room(self, end: End, family: Family, extensions: Mapping[int, Array], q: Array) -> Array:
         if end.kind == "stroke":
             out = extensions[end.index]
             return np.asarray((1 - out if end.upper else out) - self.end_margin)

@@ -148,7 +148,7 @@ class Tolerances(ReadOnly):
         for end in limits.T:
             values = np.where(np.eye(len(half), dtype=bool), end, start)
             lowest = _frequencies(self.machine, self.rivals, self.widths, values)
-            ends.append(np.nanmin(lowest, axis=1) - self.rivals[0].frequency)
+            ends.append(np.fmin.reduce(lowest, axis=1) - self.rivals[0].frequency)
         line = self.slopes[0, :, 0] * half
         spread = self.slopes[0, :, 0] * (limits[:, 1] - limits[:, 0]) / 2
         expected = self.slopes[0, :, ::-1] * (limits - start.T)  # slopes are upwards, downwards

@@ -101,7 +101,7 @@ def test_the_worst_pose_of_the_new_machine_has_the_slope(
         ("supply.return_pressure_bar", 0.02),
     ],
 )
-def test_a_worst_pose_without_load_on_a_cylinder_stays_in_that_kink(path: str, step: float) -> None:
+def test_a_worst_pose_without_load_on_a_cylinder_stays_in_the_kink(path: str, step: float) -> None:
     """In oil with air; found anew for each number: by the slopes at its place it was 7 × less."""
     machine = ad.load("mini_excavator_2t").replace({"fluid.entrained_air_percent": 1.0})
     number = numbers_of(machine.section)[path]

@@ -9,6 +9,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.frequency.modes import lowest_frequency
+from armdesign.frequency.worst_frequency import worst_anywhere
 from armdesign.influence.changes import changed_machine
 from armdesign.influence.family import rebuilt
 from armdesign.influence.widths import family_of, widths_of
@@ -248,10 +249,25 @@ def test_saving_keeps_the_widths(tmp_path: object) -> None:
 
 
 def test_machines_that_no_search_near_finds_do_not_count() -> None:
-    """Pins ± 50 mm: some machines take no pose near the worst one; their sheets count the rest."""
-    wide = toleranced("patu_boom", "pin_mm = 50")
+    """Pins ± 600 mm: some machines take no pose at all; their sheets count the rest."""
+    wide = toleranced("patu_boom", "pin_mm = 600")
     answer = ad.tolerances(wide, ad.Workspace.grid(wide, points=5), count=64)
     note = answer.sheets()[0].note
     assert np.isnan(answer.searched).any()
     assert f"in {np.isfinite(answer.searched).sum()} of the machines" in note
     assert "nan" not in note
+
+
+def test_machines_whose_worst_pose_is_out_of_stroke_are_searched_in_it() -> None:
+    """Pins ± 50 mm: as their own maps have it."""
+    wide = toleranced("patu_boom", "pin_mm = 50")
+    answer = ad.tolerances(wide, ad.Workspace.grid(wide, points=5), count=64)
+    for values, found in zip(answer.values, answer.searched, strict=False):
+        stated = {
+            width.number.location: float(value)
+            for width, value in zip(answer.widths, values, strict=True)
+            if width.number is not None
+        }
+        other = rebuilt(wide, stated)
+        worst = worst_anywhere(other, ad.Workspace.grid(other, points=21))
+        assert found == pytest.approx(worst.frequency, rel=2e-3)
