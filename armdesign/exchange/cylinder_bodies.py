@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 APART = 1.5  # between the middles of parallel cylinders, over their diameter, as drawn
 PARTS = ("swivel", "barrel", "rod", *(bar for kind in KINDS for bar, _ in kind.legs))
 PLANE = 1e-9  # share of its length by which a cylinder may leave the plane of its link
+PROBES, NEAR = 8, 1.0  # poses that tell whether it does, and how far off [rad, m]
 ROD, BARREL, BAR = (0.75, 0.77, 0.80, 1), (0.25, 0.27, 0.30, 1), (0.45, 0.46, 0.48, 1)
 
 
@@ -85,13 +86,37 @@ class _Directions:
     length: Array
 
     @classmethod
-    def between(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Directions:
-        rotation = linkage.arm.link_rotation(rigid, link)
-        x, y, z = np.moveaxis((np.swapaxes(rotation, 1, 2) @ ends[:, :, None])[..., 0], 1, 0)
-        length = np.sqrt(x**2 + y**2 + z**2)
-        if np.all(np.abs(y) <= PLANE * length):
-            return cls(np.zeros_like(x), np.arctan2(z, x), length)
-        return cls(np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)), length)
+    def in_plane(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Directions:
+        """In the x–z plane of the link, or as seen across it."""
+        x, _, z = _in_frame(linkage, rigid, link, ends)
+        return cls(np.zeros_like(x), np.arctan2(z, x), np.hypot(x, z))
+
+    @classmethod
+    def in_space(cls, linkage: Linkage, rigid: RigidPoses, link: str, ends: Array) -> _Directions:
+        """First about z, then out of the x–y plane."""
+        x, y, z = _in_frame(linkage, rigid, link, ends)
+        flat = np.hypot(x, y)
+        return cls(np.arctan2(y, x), np.arctan2(z, flat), np.hypot(flat, z))
+
+
+def _in_frame(linkage: Linkage, rigid: RigidPoses, link: str, vector: Array) -> Array:
+    """Vectors (n, 3) along the axes of a link (3, n)."""
+    rotation = linkage.arm.link_rotation(rigid, link)
+    return np.asarray((np.swapaxes(rotation, 1, 2) @ vector[:, :, None])[..., 0].T)
+
+
+def _leaves_plane(machine: Machine, linkage: Linkage) -> bool:
+    """Whether a cylinder leaves the x–z plane of its link at any pose, not at some alone.
+
+    A place that is analytic in q and lies in a plane at a few poses at random always does.
+    """
+    middle = np.clip(np.zeros(len(machine.joints)), *machine.ranges.T)
+    low, high = np.clip(machine.ranges.T, middle - NEAR, middle + NEAR)
+    shares = np.random.default_rng(0).random((PROBES, len(middle)))
+    rigid = machine.arm.kinematics(low + shares * (high - low))
+    base, end = linkage.ends(rigid)
+    across = np.abs(_in_frame(linkage, rigid, linkage.base.link, end - base)[1])
+    return bool(np.any(across > PLANE * np.linalg.norm(end - base, axis=1)))
 
 
 def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[CylinderBody, ...]:
@@ -133,13 +158,15 @@ def _cylinder(
 ) -> Iterator[CylinderBody]:
     """Swivel if needed, barrel and rod."""
     base, end = linkage.ends(rigid)
-    lines = _Directions.between(linkage, rigid, linkage.base.link, end - base)
+    swivels = _leaves_plane(machine, linkage)
+    directions = _Directions.in_space if swivels else _Directions.in_plane
+    lines = directions(linkage, rigid, linkage.base.link, end - base)
     outer = float(barrel_outer(cylinder.bore, cylinder.barrel_wall, machine.supply.pressure))
     eye = max(min(0.8 * cylinder.bore, 0.3 * cylinder.dead_length), 0.0)
     middle = (cylinder.count - 1) / 2
     offsets = tuple(APART * outer * (k - middle) for k in range(cylinder.count))
     parent, place = linkage.base.link, linkage.base.at
-    if np.any(lines.pan):
+    if swivels:
         pan = float(lines.pan[-1])
         yield CylinderBody(
             name=f"{name}_swivel",
@@ -148,7 +175,7 @@ def _cylinder(
             axis=(0.0, 0.0, 1.0),
             place=place,
             turn=(0.0, 0.0, pan),
-            positions=lines.pan[:-1] - pan,
+            positions=_turns(lines.pan),
         )
         parent, place = f"{name}_swivel", (0.0, 0.0, 0.0)
     yield CylinderBody(
@@ -209,13 +236,13 @@ def _legs(
         return
     (first, pivot), *others = ((bar, _pin(linkage, pin)) for bar, pin in linkage.legs)
     link, end = pivot.link, linkage.ends(rigid)[1]
-    along = _in_plane(linkage, rigid, link, end - linkage.point(rigid, pivot))
-    raised = _Directions.between(linkage, rigid, link, along).raise_
+    along = end - linkage.point(rigid, pivot)
+    raised = _Directions.in_plane(linkage, rigid, link, along).raise_
     start, length = _Hinge(link, pivot.at), getattr(linkage, first)
     yield _leg(name, cylinder, (first, length), start, raised)
     for bar, pin in others:
-        along = _in_plane(linkage, rigid, link, linkage.point(rigid, pin) - end)
-        bend = _Directions.between(linkage, rigid, link, along).raise_ - raised
+        along = linkage.point(rigid, pin) - end
+        bend = _Directions.in_plane(linkage, rigid, link, along).raise_ - raised
         joint, own = _Hinge(f"{name}_{first}", (length, 0.0, 0.0)), getattr(linkage, bar)
         body = _leg(name, cylinder, (bar, own), joint, bend)
         yield replace(body, closes=pin.link, end=(own, 0.0, 0.0), pin=pin.at)
@@ -253,12 +280,6 @@ def _leg(
 def _pin(linkage: Linkage, name: str) -> Pin:
     pin: Pin = getattr(linkage, name)
     return pin
-
-
-def _in_plane(linkage: Linkage, rigid: RigidPoses, link: str, vector: Array) -> Array:
-    """The part of vectors (n, 3) in the x–z plane of a link."""
-    normal = linkage.arm.link_rotation(rigid, link)[:, :, 1]
-    return np.asarray(vector - np.einsum("ni,ni->n", vector, normal)[:, None] * normal)
 
 
 def _turns(angles: Array) -> Array:

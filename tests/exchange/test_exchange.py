@@ -134,6 +134,23 @@ def test_rods_end_on_their_pins_in_pinocchio(name: str, tmp_path: Path) -> None:
                 assert tip == pytest.approx(lug, abs=1e-9)
 
 
+def test_a_cylinder_in_the_plane_of_its_link_at_one_pose_alone_swivels(tmp_path: Path) -> None:
+    """A ram beside a slewing column, along x at 0 rad, the pose of the URDF's and SDF's joints."""
+    column = machines.Joint("swing", "root", axis=(0, 0, 1), limits=(-0.8, 0.8))
+    ram = machines.CylinderSpec("ram", ("root", (-1.0, 0.3, 0.0)), ("swing", (0.0, 0.3, 0.0)))
+    machine, q = machines.build([column], [ram]), np.array([[-0.5], [0.0], [0.6]])
+    text = ad.export(machine, tmp_path / "m.urdf").read_text(encoding="utf-8")
+    names = {joint.get("name") for joint in ET.fromstring(text).findall("joint")}
+    for pose in (q, q[1:2]):
+        assert set(ad.robot_positions(machine, pose)) == names
+    for row in ad.robot_positions(machine, q).to_dict("records"):
+        model, data = placed(text, row)
+        pin = point(model, data, "swing", [0.0, 0.3, 0.0])
+        assert point(model, data, "ram_rod", [0, 0, 0]) == pytest.approx(pin, abs=1e-9)
+    loop = ET.parse(ad.export(machine, tmp_path / "m.sdf", q[1]))
+    assert loop.find("model/joint[@name='ram_swivel_joint']") is not None
+
+
 def test_the_links_weigh_what_they_weighed(tmp_path: Path) -> None:
     machine = ad.load("loader_crane")
     for one in (machine, with_links(machine)):
