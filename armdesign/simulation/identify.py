@@ -262,7 +262,7 @@ def _forced(
     part: Recording, name: str, modes: int, excitation: str, band: tuple[float, float] | None
 ) -> IdentifiedWindow:
     """The answer to a recorded excitation."""
-    values, driven = part.signal(name), part.signal(excitation)
+    values, driven = part.signal(name), part.excitation(excitation)
     frequency, _ = strongest(part.step, values)
     about = band or (frequency / BAND, frequency * BAND)
     fit = identify_forced_response(

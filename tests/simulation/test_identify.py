@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 from scipy.special import ellipk
 
 import armdesign as ad
@@ -379,6 +379,21 @@ def test_the_answer_to_a_recorded_input() -> None:
     assert identified.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
     assert identified.frame["damping_ratio"].to_numpy() == pytest.approx([0.05], rel=0.02)
     assert len(identified.plot().axes) == 1
+
+
+@pytest.mark.parametrize("period", [math.inf, 1.7])
+def test_an_input_may_stand_still_or_at_a_limit(period: float) -> None:
+    """An oscillator of 2 Hz and ζ = 0.03 struck by the spool, once or again and again."""
+    time = np.arange(0, 24, 0.01)
+    spool = np.interp(np.fmod(time, period), [0, 0.1, 0.6, 0.7], [0, 0.05, 0.05, 0])
+    omega = 2 * math.pi * 2.0
+    speed = lsim(([omega**2], [1, 2 * 0.03 * omega, omega**2]), spool, time)[1]
+    columns = {"time_s": time, "spool": spool, "boom_mm_per_s": speed}
+    identified = ad.identify(columns, excitation="spool")
+    assert identified.frame["frequency_hz"].to_numpy() == pytest.approx([2.0], rel=1e-3)
+    assert identified.frame["damping_ratio"].to_numpy() == pytest.approx([0.03], rel=0.02)
+    with pytest.raises(ad.ArmDesignError, match="spool is constant"):
+        ad.identify(columns | {"spool": 0 * time}, excitation="spool")
 
 
 def test_the_command(

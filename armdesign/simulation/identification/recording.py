@@ -79,19 +79,28 @@ class Recording(ReadOnly):
             raise SimulationError(self.source, fault, remedy)
         return values
 
-    def signal(self, name: str) -> Array:
-        """A signal that can be fitted (n,).
+    def excitation(self, name: str) -> Array:
+        """A signal that can be taken as an input (n,): it may stand still, or at a limit.
 
         Raises:
-            SimulationError: see ``sampled``; or it is constant, stuck, clipped or no measurement.
+            SimulationError: see ``sampled``; or it is constant, or no measurement.
         """
-        values, time = self.sampled(name), self.time
+        values = self.sampled(name)
         if (largest := float(np.abs(values).max())) > LARGEST:
             fault, remedy = f"{name} holds {largest:g}", "give values in the unit of its name"
             raise SimulationError(self.source, fault, remedy)
         if np.ptp(values) == 0:
             remedy = "choose another column or window"
             raise SimulationError(self.source, f"{name} is constant ({values[0]:g})", remedy)
+        return values
+
+    def signal(self, name: str) -> Array:
+        """A signal that can be fitted (n,).
+
+        Raises:
+            SimulationError: see ``excitation``; or it is stuck or clipped.
+        """
+        values, time = self.excitation(name), self.time
         begin, count = _longest_run(values)
         if count > STUCK * len(values):
             fault = f"{name} is stuck at {values[begin]:g} from {time[begin]:g} s"
