@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 PLATE = 0.008
 DRIVE = 0.03  # of the machine's size: radius of a motor or spring about its joint
 APART = 1.5  # between the middles of parallel cylinders, over their diameter
+PARALLEL = 1e-6  # rad between a part and the direction across the machine
 BAR_WIDTH, BOLT = 0.6, 0.5  # diameters of bars and pins, over the bore
 BODY, NEXT_BODY = "#C9A227", "#8A6D12"
 ROD, BAR, PIN = "#C7CCD1", "#6B7280", "#1F2933"
@@ -163,9 +164,15 @@ def _between_pins(
 
 
 def _turned(along: Array, across: Array) -> Array:
-    """Rotations (n, 3, 3) with x along a vector (n, 3) and y near to another."""
+    """Rotations (n, 3, 3) with x along a vector (n, 3) and y near to another.
+
+    A part that lies along the other, as a ram across the machine, has y near to the
+    axis of the root link that it is farthest from.
+    """
     x = along / np.linalg.norm(along, axis=1, keepdims=True)
-    y = across - np.einsum("ni,ni->n", across, x)[:, None] * x
+    parallel = np.linalg.norm(np.cross(x, across), axis=1) < PARALLEL
+    aside = np.where(parallel[:, None], np.eye(3)[np.abs(x).argmin(axis=1)], across)
+    y = aside - np.einsum("ni,ni->n", aside, x)[:, None] * x
     y = y / np.linalg.norm(y, axis=1, keepdims=True)
     return np.stack([x, y, np.cross(x, y)], axis=2)
 

@@ -13,7 +13,7 @@ from armdesign.drawing.side_view import shown_cylinders, side_view
 from armdesign.drawing.visuals import Visual
 from armdesign.viewing.meshes import Mesh, of_visual, plate, tube
 from armdesign.viewing.scene import Scene, scene_of
-from tests.machines import inner_poses, named
+from tests.machines import CylinderSpec, Joint, build, inner_poses, named
 
 MACHINES = [
     *("excavator_20t", "loader_crane", "patu_boom", "paper_1dof"),
@@ -101,6 +101,17 @@ def test_a_four_bar_that_does_not_close_has_no_place() -> None:
     assert 0 < open_.sum() < len(q)
     name = next(n for n in scene.placements(q) if n.endswith(".rocker"))
     assert (np.isfinite(scene.placements(q)[name][0]).all(axis=(1, 2)) == ~open_).all()
+
+
+def test_a_ram_across_the_machine_has_its_place() -> None:
+    """Beside a slewing column, along y at 0 rad, where nothing else tells how it is turned."""
+    column = Joint("swing", "root", axis=(0, 0, 1), limits=(-0.8, 0.8))
+    ram = CylinderSpec("ram", ("root", (0.3, -1.0, 0.0)), ("swing", (0.3, 0.0, 0.0)))
+    frames = scene_of(build([column], [ram])).placements(np.array([[0.0], [0.3]]))
+    for rotation in (frames["ram.barrel"][0], frames["ram.rod"][0]):
+        square = rotation @ np.swapaxes(rotation, 1, 2)
+        assert square == pytest.approx(np.tile(np.eye(3), (2, 1, 1)))
+        assert rotation[0, :, 0] == pytest.approx([0.0, 1.0, 0.0])
 
 
 def test_meshes_have_the_volumes_of_their_shapes() -> None:
