@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array, ReadOnly
+from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.errors import SimulationError
 from armdesign.short_repr import short_repr
 from armdesign.simulation.identification.decaying_modes import (
@@ -59,6 +59,7 @@ TEMPER = 0.5  # power of the likelihood that weighs
 EXACT = 1e-9  # what is left of a record without noise, relative: no colour can be told
 FILTERS = 2
 LINE = 1  # degree
+ROUNDING = 1e-13  # of an output's largest value: it stands, but for what is lost with its trend
 HIDDEN = (1 / 1.3, 1.3)  # frequencies of modes that may be hidden, relative
 HIDDEN_SHARE = 0.5  # usual amplitude of theirs, relative
 APART = 0.15  # a hidden mode from those found, relative
@@ -145,9 +146,10 @@ def identify_ringdown(
     whole = signals.reshape(len(signals), -1)
     signals = detrended(whole, min(trend, LINE))
     scale = np.abs(signals).max(axis=0)
-    if not scale.max() > 0:
+    moves = scale > ROUNDING * np.abs(whole).max(axis=0)
+    if not moves.any():
         raise SimulationError(part, "nothing moves", "raise the amplitude")
-    signals = signals / np.where(scale > 0, scale, 1.0)
+    signals = signals[:, moves] / scale[moves]
     if len(signals) < 8 * modes:
         fault = f"{len(signals)} records are too few"
         raise SimulationError(part, fault, f"record {8 * modes} or more")
@@ -169,15 +171,22 @@ def identify_ringdown(
         damping_deviations=deviations[1].copy(),
         frequency_remainders=remainders[0] / unit,
         damping_remainders=remainders[1].copy(),
-        amplitudes=np.abs(likeliest.shapes[likeliest.strongest(modes)]) * scale,
+        amplitudes=scale * _among_all(np.abs(likeliest.shapes[likeliest.strongest(modes)]), moves),
         singular_values=singular,
-        fitted=whole - likeliest.residual * scale,
+        fitted=whole - scale * _among_all(likeliest.residual, moves),
         residual=float(
             np.linalg.norm(likeliest.residual) / np.linalg.norm(detrended(signals, trend))
         ),
         time=np.array(time, dtype=float),
         response=whole.copy(),
     )
+
+
+def _among_all(values: Array, moves: Flags) -> Array:
+    """Values of the outputs that move (k, ·) among those of all outputs (k, outputs), else 0."""
+    among = np.zeros((len(values), len(moves)))
+    among[:, moves] = values
+    return among
 
 
 def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[ModeFit], Array]:

@@ -30,6 +30,21 @@ def decay(time: np.ndarray, modes: list[tuple[float, float, float]]) -> np.ndarr
     return total
 
 
+@pytest.mark.parametrize(("stands", "trend"), [(0.0, -1), (5.3, 0), (0.0, 2)])
+def test_an_output_that_stands_changes_no_answer(stands: float, trend: int) -> None:
+    """As of a joint that friction holds."""
+    time = np.arange(0, 8, 1 / 50)
+    rings = decay(time, [(1.5, 0.02, 1.0)]) + np.random.default_rng(1).normal(size=400) / 100
+    both = np.stack([rings, np.full(400, stands)], axis=1)
+    alone, found = (identify_ringdown(time, one, trend=trend) for one in (rings, both))
+    for name in ("natural_frequencies", "damping_ratios", "frequency_deviations", "residual"):
+        assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-6)
+    assert found.amplitudes[0] == pytest.approx([*alone.amplitudes[0], 0.0])
+    assert found.fitted[:, 1] == pytest.approx(stands)
+    with pytest.raises(SimulationError, match="nothing moves"):
+        identify_ringdown(time, both[:, 1], trend=trend)
+
+
 def test_decay_of_known_modes() -> None:
     time = np.arange(0, 12, 1 / 60)
     modes = [(0.9, 0.01, 1.0), (1.3, 0.05, 0.4), (6.0, 0.0, 0.1)]
