@@ -172,7 +172,7 @@ def _recording(given: str | Path | Recording | Mapping[str, Any]) -> Recording:
         return given
     if isinstance(given, (str, Path)):
         return read_recording(given)
-    return recording_of({name: np.asarray(values, float) for name, values in given.items()})
+    return recording_of({str(name): values for name, values in given.items()})
 
 
 def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.csv_rows import read_rows
 from armdesign.errors import SimulationError, choose
+from armdesign.simulation.identification.records import unmasked
 
 TIMES = {"time_s": 1.0, "t_s": 1.0, "time": 1.0, "t": 1.0, "time_ms": 1e-3, "t_ms": 1e-3}
 GAP = 1.5  # intervals without a sample
@@ -154,21 +156,22 @@ def _clipped(values: Array, limit: float) -> bool:
     return False
 
 
-def recording_of(columns: Mapping[str, Array], source: str = "recording") -> Recording:
-    """A recording from columns, of which one is time.
+def recording_of(columns: Mapping[str, ArrayLike], source: str = "recording") -> Recording:
+    """A recording from columns, of which one is time; blank is what NumPy masks, too.
 
     Raises:
-        SimulationError: no column is time, time is blank somewhere, or columns differ in length.
+        SimulationError: no column is time, time is blank somewhere, columns differ in length, or
+            one holds no numbers.
     """
     given = [name for name in TIMES if name in columns]
     if not given:
         remedy = f"name the column of time {' or '.join(TIMES)}"
         raise SimulationError(source, f"has no time ({', '.join(columns)})", remedy)
-    time = np.array(columns[given[0]], dtype=float) * TIMES[given[0]]
+    time = _numbers(source, given[0], columns[given[0]]) * TIMES[given[0]]
     if not np.all(np.isfinite(time)):
         row = int(np.argmax(~np.isfinite(time))) + 1
         raise SimulationError(source, f"{given[0]} is blank in row {row}", "give every instant")
-    others = {n: np.array(v, dtype=float) for n, v in columns.items() if n != given[0]}
+    others = {n: _numbers(source, n, v) for n, v in columns.items() if n != given[0]}
     for name, values in others.items():
         if values.shape != time.shape or time.ndim != 1:
             fault = f"{name} holds {values.size} values, {given[0]} {time.size}"
@@ -176,6 +179,14 @@ def recording_of(columns: Mapping[str, Array], source: str = "recording") -> Rec
     if not others:
         raise SimulationError(source, "has no signal beside time", "add columns")
     return Recording(source, time, others)
+
+
+def _numbers(source: str, name: str, values: ArrayLike) -> Array:
+    try:
+        return unmasked(values).copy()
+    except (TypeError, ValueError) as error:
+        remedy = "give numbers, or leave the column out"
+        raise SimulationError(source, f"{name} holds no numbers ({error})", remedy) from None
 
 
 def read_recording(path: str | Path) -> Recording:

@@ -38,9 +38,18 @@ def signals_of(part: str, time: ArrayLike, *signals: ArrayLike) -> tuple[float, 
     return step, values
 
 
+def unmasked(values: ArrayLike) -> Array:
+    """Values as floats, NaN where NumPy masks them.
+
+    Raises:
+        TypeError, ValueError: a value is no number.
+    """
+    return np.asarray(np.ma.filled(np.ma.asarray(values, dtype=float), np.nan))
+
+
 def _numbers(part: str, values: ArrayLike) -> Array:
     try:
-        numbers = np.asarray(values, dtype=float)
+        numbers = unmasked(values)
     except (TypeError, ValueError):
         numbers = np.array(np.nan)
     if not np.all(np.isfinite(numbers)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,3 +64,20 @@ def test_faults_of_responses() -> None:
     ):
         with pytest.raises(SimulationError, match=message):
             ad.identify_frequency_response(*arguments)
+
+
+def test_columns_without_numbers_are_named() -> None:
+    """Words, values that NumPy masks, and a table whose columns have no names."""
+    time = np.arange(0, 5, 0.01)
+    pressure = 80 + 3 * np.exp(-0.25 * time) * np.cos(4 * np.pi * time)
+    columns: dict[Any, Any] = {"t": time, "boom_cap_bar": pressure}
+    words = ["free"] * len(time)
+    with pytest.raises(SimulationError, match="recording: event holds no numbers"):
+        ad.identify(columns | {"event": words}, [(0, 4)])
+    faulty = np.ma.masked_where(np.abs(time - 1.5) < 0.1, pressure)
+    with pytest.raises(SimulationError, match=r"boom_cap_bar is blank at 1\.4"):
+        ad.identify(columns | {"boom_cap_bar": faulty}, [(0, 4)])
+    with pytest.raises(SimulationError, match="holds what is no finite number"):
+        ad.identify_ringdown(time, faulty - 80)
+    with pytest.raises(SimulationError, match=r"recording: has no time \(0, 1\)"):
+        ad.identify(dict(enumerate(columns.values())))
