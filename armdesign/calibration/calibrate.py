@@ -18,6 +18,7 @@ from armdesign.calibration.fit import Fit, LeastSquares, determined, left_out, r
 from armdesign.calibration.measured import Measured, measured_of, read_measured
 from armdesign.calibration.prediction import Prediction, Predictor, measured_loads
 from armdesign.calibration.unknowns import Unknown, unknowns_of
+from armdesign.machine.file.machine_file import flat
 from armdesign.machine.machine import Machine
 from armdesign.machine.provenance import retold
 from armdesign.short_repr import short_repr
@@ -141,11 +142,13 @@ class Calibration(ReadOnly):
         Args:
             command: what made it, as typed in a terminal or in Python.
         """
-        notes = {}
+        notes: dict[str, str] = {}
         for one in self.unknowns:
-            result = self._result(one)
+            result, (path, index) = self._result(one), one.place
             if result is not None:
-                notes[one.path] = f", fitted ± {result['deviation']:.{DIGITS}g}"
+                which = "" if index is None else f"number {index} "
+                said = f", {which}fitted ± {result['deviation']:.{DIGITS}g}"
+                notes[path] = notes.get(path, "") + said
         story = (
             f"Command: {command}",
             *(words.sentence(words.capital(line)) for line in self.findings),
@@ -217,7 +220,7 @@ def calibrate(
     refuse_too_few(problem, fit)
     before = predictor(machine)
     of_all, kept, loose = determined(problem)
-    calibrated = machine if kept is None else machine.replace(_rounded(kept))
+    calibrated = machine if kept is None else machine.replace(_rounded(machine, kept))
     after = predictor(calibrated)
     errors = after.frequencies / measured.frequencies - 1 if kept is None else left_out(kept)
     return Calibration(
@@ -235,16 +238,25 @@ def calibrate(
 
 
 def _rows(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Rows of a table by column name."""
-    return [{str(name): value for name, value in row.items()} for _, row in table.iterrows()]
+    """Rows of a table by column name, missing values blank as in a file."""
+    values = table.astype(object).to_numpy(copy=True)
+    values[table.isna().to_numpy()] = ""
+    names = [str(name) for name in table.columns]
+    return [dict(zip(names, row, strict=True)) for row in values.tolist()]
 
 
-def _rounded(fit: Fit) -> dict[str, float]:
-    """Values of the file, each with the digits that its deviation leaves it and one more."""
-    changes = {}
+def _rounded(machine: Machine, fit: Fit) -> dict[str, Any]:
+    """Values of the file, each with the digits that its deviation leaves it and one more.
+
+    A list of which some numbers are fitted has all of them.
+    """
+    known, changes = flat(machine.section), dict[str, Any]()
     for one, u, sigma in zip(fit.problem.unknowns, fit.u, fit.deviations, strict=True):
         value = one.number(float(u))
         size = float(sigma) * (value if one.positive else one.size)
-        decimals = DIGITS - 1 - math.floor(math.log10(size))
-        changes[one.path] = round(value, decimals)
+        rounded, (path, index) = round(value, DIGITS - 1 - math.floor(math.log10(size))), one.place
+        if index is None:
+            changes[path] = rounded
+        else:
+            changes.setdefault(path, list(known[path]))[index] = rounded
     return changes

@@ -31,6 +31,12 @@ class Unknown(Number):
     prior: tuple[float, float] | None = None
 
     @property
+    def place(self) -> tuple[str, int | None]:
+        """Key path that the file has, and which number of the list there; None: of no list."""
+        *above, last = self.location
+        return (".".join(map(str, above)), last) if isinstance(last, int) else (self.path, None)
+
+    @property
     def positive(self) -> bool:
         """Whether it is found by its logarithm."""
         return self.low >= 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from tests.calibration.synthetic import BETA, crane, poses
+from tests.calibration.synthetic import BETA, crane, measurements, poses
 from tests.commands import main
 
 TRUTH, LASTS, STEP = 1050.0, 5.0, 0.01  # MPa, s, s
@@ -49,3 +50,29 @@ def test_columns_of_a_recording_calibrate_a_machine(
     values = pd.read_csv("calibrated/calibration_values.csv", index_col="path")
     assert values.loc[BETA, "value"] == pytest.approx(TRUTH, rel=1e-3)
     assert values.loc[BETA, "determined"]
+
+
+def test_numbers_of_a_list_are_found_and_written(tmp_path: Path) -> None:
+    """Where the load sits, beside the bulk modulus; the third number of the list stays."""
+    at = [f"payload.full.at_mm.{index}" for index in (0, 2)]
+    truth = crane().replace({"payload.full.at_mm": [2300, 0, 300], BETA: 1050.0})
+    found = ad.calibrate(crane(), measurements(truth, poses()), [*at, BETA])
+    assert found.values.loc[at, "value"].to_numpy() == pytest.approx([2300, 300], abs=0.1)
+    text = found.save(tmp_path / "crane.toml").read_text(encoding="utf-8")
+    assert re.search(r"at_mm = .*was.*number 0 fitted ± .*, number 2 fitted ± ", text)
+    assert ad.load(tmp_path / "crane.toml").with_payload("full").payload.at == pytest.approx(
+        [2.3, 0.0, 0.3], abs=1e-4
+    )
+
+
+@pytest.mark.parametrize("missing", [None, np.nan, pd.NA])
+def test_what_a_table_lacks_is_blank(missing: object) -> None:
+    """As in a file: the load case at work, both chambers, 1 % of the frequency."""
+    truth = crane().replace({BETA: TRUTH})
+    table = measurements(truth, poses(), lift_chambers="both")
+    blank = table[table["payload"] == "full"].astype(object)
+    blank[["payload", "lift_chambers", "deviation_hz"]] = missing
+    filled = blank.assign(payload="full", lift_chambers="both", deviation_hz="")
+    full = crane().with_payload("full")
+    values = [ad.calibrate(full, one, [BETA]).values for one in (blank, filled)]
+    pd.testing.assert_frame_equal(*values)
