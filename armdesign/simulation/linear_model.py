@@ -1,7 +1,8 @@
 """Linear models of a machine: ẋ = A x + B u, y = C x + D u about operating points, by name.
 
 States, inputs and outputs are deviations from the operating point, in SI. Their names are told in
-groups, ``"pressures"`` or ``"tool force"``, so that a controller takes what it measures and moves.
+groups, ``"cap pressures"`` or ``"tool force"``, so that a controller takes what it measures and
+moves.
 """
 
 from __future__ import annotations
