@@ -8,7 +8,7 @@ from functools import wraps
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[Any]  # of float, or complex where a complex step passes
 Numbers: TypeAlias = Any  # a number or an array, or an interval where a bound is proved
@@ -186,3 +186,12 @@ def percentiles(
 def weighted_share(flags: Flags, weights: Array) -> float:
     """Share of true flags (n,) by weights (n,) ≥ 0, or by number if all weights are zero."""
     return float(np.average(flags, weights=weights if weights.any() else None))
+
+
+def unmasked(values: ArrayLike) -> Array:
+    """Values as floats, NaN where NumPy masks them.
+
+    Raises:
+        TypeError, ValueError: a value is no number.
+    """
+    return np.asarray(np.ma.filled(np.ma.asarray(values, dtype=float), np.nan))

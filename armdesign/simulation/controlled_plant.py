@@ -185,9 +185,11 @@ class ControlledPlant:
         """Spool commands (n, nc) at times (n,) [s], one of each function."""
         if self.sweeps is None:
             pairs = zip(demands, time.tolist(), strict=True)
-            spools = np.array([demand(t) for demand, t in pairs], dtype=float)
+            given = [demand(t) for demand, t in pairs]
+            spools = _as_numbers(given)
             if spools.shape != (len(time), self.plant.nc):
-                fault = f"gives {spools.shape[-1]} numbers at {time[0]:g} s"
+                count = np.size(_as_numbers(given[0]))
+                fault = f"gives {count} number{'s' * (count != 1)} at {time[0]:g} s"
                 remedy = f"give {self.plant.nc} at all times"
                 raise SimulationError(f"{self.plant.machine.name}: command", fault, remedy)
             return spools
@@ -281,6 +283,14 @@ def _breakpoints(command: object, part: str) -> list[float] | None:
         if late < early:
             raise SimulationError(part, f"{late:g} s comes after {early:g} s", "sort them")
     return list(times.tolist())
+
+
+def _as_numbers(given: object) -> Array:
+    """What commands give as an array; without numbers where it is words or uneven lists."""
+    try:
+        return np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        return np.zeros(0)
 
 
 def _refuse_no_function(given: object, part: str) -> None:

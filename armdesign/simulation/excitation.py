@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array, Numbers
+from armdesign.arrays import Array, Numbers, unmasked
 from armdesign.errors import SimulationError
 from armdesign.hydraulics.valve import Valve, opening, spool_position
 from armdesign.machine.machine import Machine
@@ -76,7 +76,7 @@ class Table:
     def __post_init__(self) -> None:
         for name in ("times", "values"):
             try:
-                given = np.array(getattr(self, name), dtype=float)
+                given = unmasked(getattr(self, name))
             except (TypeError, ValueError):
                 given = np.array(math.nan)
             if given.ndim != 1 or not len(given) or not np.all(np.isfinite(given)):

@@ -313,7 +313,7 @@ def _failure(system: ControlledPlant, stop: GaveUpError, tolerance: float) -> Si
     plant, machine = system.plant, system.plant.machine
     q, velocity = (x[: len(machine.joints)] for x in plant.split(stop.state[: plant.size])[:2])
     where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
-    command = system.demands[0](stop.time + INSTANT)
+    command = np.array(system.demands[0](stop.time + INSTANT), dtype=float).tolist()
     return SimulationError(
         f"{machine.name}: simulation",
         f"gave up at {stop.time:.4g} s, last known at {where} ({stop.cause})",

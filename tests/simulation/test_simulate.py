@@ -180,6 +180,13 @@ def test_faults_of_a_call(excavator: Machine) -> None:
         simulate(excavator, WORST, lambda _: [0.0, 0.0], duration=1.0)
     with pytest.raises(SimulationError, match="gives 1 number; give a list, one per cylinder"):
         simulate(excavator, WORST, lambda _: 0.1, duration=1.0)
+    for nothing, message in (
+        (None, "the command gives nan there"),
+        ("up", "command: gives 0 numbers at 0 s; give 3 at all times"),
+        ([0.1, 0.2], "command: gives 0 numbers at 0 s; give 3 at all times"),
+    ):
+        with pytest.raises(SimulationError, match=message):
+            simulate(excavator, WORST, {"boom": lambda _, nothing=nothing: nothing}, duration=1.0)
     for command in ({"boom": 0.1}, [0.1, 0.0, 0.0]):
         with pytest.raises(
             SimulationError,

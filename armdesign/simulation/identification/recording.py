@@ -15,10 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, ReadOnly
+from armdesign.arrays import Array, ReadOnly, unmasked
 from armdesign.csv_rows import read_rows
 from armdesign.errors import SimulationError, choose
-from armdesign.simulation.identification.records import unmasked
 
 TIMES = {"time_s": 1.0, "t_s": 1.0, "time": 1.0, "t": 1.0, "time_ms": 1e-3, "t_ms": 1e-3}
 GAP = 1.5  # intervals without a sample

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, unmasked
 from armdesign.errors import SimulationError
 
 JITTER = 0.1  # of an instant, relative to the interval: rounded time stamps
@@ -36,15 +36,6 @@ def signals_of(part: str, time: ArrayLike, *signals: ArrayLike) -> tuple[float, 
             fault = f"a signal of shape {signal.shape} does not fit {len(instants)} instants"
             raise SimulationError(part, fault, "give one value per instant")
     return step, values
-
-
-def unmasked(values: ArrayLike) -> Array:
-    """Values as floats, NaN where NumPy masks them.
-
-    Raises:
-        TypeError, ValueError: a value is no number.
-    """
-    return np.asarray(np.ma.filled(np.ma.asarray(values, dtype=float), np.nan))
 
 
 def _numbers(part: str, values: ArrayLike) -> Array:

@@ -79,5 +79,7 @@ def test_columns_without_numbers_are_named() -> None:
         ad.identify(columns | {"boom_cap_bar": faulty}, [(0, 4)])
     with pytest.raises(SimulationError, match="holds what is no finite number"):
         ad.identify_ringdown(time, faulty - 80)
+    with pytest.raises(SimulationError, match="table: values"):
+        ad.Table(time.tolist(), faulty)  # type: ignore[arg-type]
     with pytest.raises(SimulationError, match=r"recording: has no time \(0, 1\)"):
         ad.identify(dict(enumerate(columns.values())))
