@@ -208,14 +208,16 @@ def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
 def _starts(case: CasePoses, frequency: Array) -> tuple[Array, Array]:
     """Up to ``STARTS`` of the lowest poses, a fifth of a joint range or more apart.
 
-    And their frequencies [Hz], of those of all its poses (m,).
+    Not by joints that change no frequency: such poses are one. And their frequencies [Hz], of
+    those of all its poses (m,).
     """
     q, span = case.workspace.q[case.exists], np.ptp(case.workspace.ranges, axis=1)
+    at = np.delete(q / span, list(case.machine.idle_joints), axis=1)
     left = np.argsort(frequency)[: max(200, len(q) // 20)]
     chosen: list[int] = []
     while len(left) > 0 and len(chosen) < STARTS:
         chosen.append(int(left[0]))
-        left = left[np.abs((q[left] - q[left[0]]) / span).max(axis=1) > 0.2]
+        left = left[np.abs(at[left] - at[left[0]]).max(axis=1, initial=0.0) > 0.2]
     return q[chosen], frequency[chosen]
 
 

@@ -29,6 +29,7 @@ from armdesign.machine.poses import Poses
 
 REACHED = 1e-6  # room that is none: share of the stroke, of the joint's range, rad
 IN_KINK = 1e-5  # the same of a load, over the largest: as near as a kink is found
+KINK_NEAR = 1e-3  # and over what the load changes by along the joints' ranges
 PULL = 1e-6  # multiplier, over the largest, that is none
 STEP, BESIDE = 1e-4, 1e-6  # of differences by q, over the joint's range; beside a kink
 NEWTON, CLOSE = 30, 1e-13  # steps by which a pose follows its ends, and when they are none
@@ -159,7 +160,7 @@ def ends_at(
     own = Family.of(machine, {}, 1)
     ends = Ends(machine, workspace.end_margin, all_ends(machine), np.zeros(0))
     ends = ends.some(ends.room(own, q[None])[0] < REACHED)
-    ends = replace(ends, ends=(*ends.ends, *_kinks(machine, q)))
+    ends = replace(ends, ends=(*ends.ends, *_kinks(machine, own, q)))
     multipliers = _multipliers(ends, own, q, frequency)
     holding = multipliers > PULL * multipliers.max(initial=0.0)
     return replace(ends.some(holding), multipliers=multipliers[holding])
@@ -185,15 +186,26 @@ def _multipliers(
     return np.asarray(multipliers)
 
 
-def _kinks(machine: Machine, q: Array) -> list[End]:
-    """Actuators that a pose (nq,) loads so that the frequency has a kink there."""
+def _kinks(machine: Machine, own: Family, q: Array) -> list[End]:
+    """Actuators that a pose (nq,) loads so that the frequency has a kink there.
+
+    Not those whose load is as small at all poses, as where no weight is on them: no pose follows
+    it.
+    """
     if not machine.fluid.aerated:
         return []
     above = _loads(machine, machine.at(q[None]))[0]
-    return [
+    kinks = tuple(
         End("load", i, bool(load >= 0), f"no load on {machine.actuators[i].name}")
         for i, load in enumerate(above)
         if abs(load) < IN_KINK
+    )
+    slopes = Ends(machine, 0.0, kinks, np.zeros(0)).slopes(own, q[None])[0]
+    reach = np.abs(slopes) @ np.ptp(machine.ranges, axis=1)
+    return [
+        kink
+        for kink, most in zip(kinks, reach, strict=True)
+        if most > IN_KINK and abs(above[kink.index]) < KINK_NEAR * most
     ]
 
 

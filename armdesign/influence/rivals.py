@@ -13,7 +13,7 @@ from armdesign.frequency.modes import lowest_frequency, natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import WorstPose, local_minima, worst_pose
 from armdesign.influence.compass_search import lowest_near
-from armdesign.influence.ends import Ends, ends_at
+from armdesign.influence.ends import REACHED, Ends, all_ends, ends_at
 from armdesign.influence.family import Family
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -54,6 +54,22 @@ class Rival:
         ends, q = self.ends, self.pose.q
         at = ends.follow(family, q) if ends.ends else q
         return lowest_frequency(family.at(at, self.pose.payload))
+
+    def within_ends(self, family: Family) -> Array:
+        """Lowest frequency (n,) [Hz] at poses that follow their ends, or are sought near them.
+
+        The latter where another end comes before theirs, as a stroke's before a joint's limit,
+        and a pose in stroke is found.
+        """
+        every = replace(self.ends, ends=all_ends(self.ends.machine))
+        with np.errstate(invalid="ignore"):
+            room = every.room(family, self.ends.follow(family, self.pose.q))
+        values = self.frequencies(family)
+        beyond = np.flatnonzero((room < -REACHED).any(axis=1))
+        if len(beyond):
+            found = self.lowest_near(family.some(beyond))
+            values[beyond] = np.where(np.isnan(found), values[beyond], found)
+        return values
 
     def lowest_near(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] of a family's members near its pose, wherever that is.

@@ -1,8 +1,9 @@
 """Tolerances: how the worst frequency differs from machine to machine of one drawing.
 
 Monte Carlo with a scrambled Sobol sequence (Owen 1998): every machine is evaluated at the worst
-pose and its rivals, which follow their ends, and its worst frequency is the lowest of them. Beside
-it stands the estimate by derivatives, f + Σ s δ, the lowest over the rivals, and where it fails.
+pose and its rivals, which follow their ends and are sought anew where they would pass others, and
+its worst frequency is the lowest of them. Beside it stands the estimate by derivatives, f + Σ s δ,
+the lowest over the rivals, and where it fails.
 """
 
 from __future__ import annotations
@@ -356,7 +357,7 @@ def _frequencies(
     parts = []
     for rows in chunks(len(values)):
         family = family_of(machine, tuple(widths), values[rows])
-        parts.append(np.stack([rival.frequencies(family) for rival in poses], axis=1))
+        parts.append(np.stack([rival.within_ends(family) for rival in poses], axis=1))
     return np.concatenate(parts)
 
 

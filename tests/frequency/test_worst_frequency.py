@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import differential_evolution
 
 import armdesign as ad
-from armdesign.frequency.worst_frequency import worst_anywhere, worst_frequency
+from armdesign.frequency.worst_frequency import lowest_of_poses, worst_anywhere, worst_frequency
 from tests import machines
 from tests.frequency.cached import mapped
 
@@ -46,6 +46,17 @@ def test_worst_pose_is_below_the_grid_and_inside(name: str) -> None:
     assert_allclose(worst.tool, poses.tool[0], atol=1e-12)
     assert worst.cylinder in {cylinder.name for cylinder in machine.cylinders}
     assert worst.joints == machine.joints
+
+
+def test_no_search_is_spent_on_another_slew_of_the_same_arm() -> None:
+    """A slew changes no frequency: of four starts three were the first one slewed."""
+    machine = machines.slewing()
+    workspace = ad.Workspace.grid(machine, points=[5, 3, 3, 3])
+    poses, _ = lowest_of_poses([machine], workspace)[0].starts["full"]
+    arms = poses[:, 1:] / np.ptp(workspace.ranges, axis=1)[1:]
+    apart = np.abs(arms[:, None] - arms).max(axis=2) + np.eye(len(arms))
+    assert len(arms) == 4
+    assert apart.min() > 0.2
 
 
 @pytest.mark.parametrize("name", ["paper_1dof", "excavator_20t", "crossing"])

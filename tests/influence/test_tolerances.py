@@ -271,3 +271,10 @@ def test_machines_whose_worst_pose_is_out_of_stroke_are_searched_in_it() -> None
         other = rebuilt(wide, stated)
         worst = worst_anywhere(other, ad.Workspace.grid(other, points=21))
         assert found == pytest.approx(worst.frequency, rel=2e-3)
+
+
+def test_no_machine_is_taken_beyond_another_end_than_the_one_its_worst_pose_follows() -> None:
+    """Pins ± 20 mm: poses out of stroke or beyond joint limits counted, at 0 Hz for some."""
+    wide = toleranced("mini_excavator_2t", "pin_mm = 20")
+    answer = ad.tolerances(wide, ad.Workspace.grid(wide, points=5), count=64)
+    assert np.all(answer.frequencies[:32] >= (1 - 1e-4) * answer.searched)
