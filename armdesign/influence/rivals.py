@@ -51,9 +51,7 @@ class Rival:
 
     def frequencies(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] of a family's members, at poses that follow their ends."""
-        ends, q = self.ends, self.pose.q
-        at = ends.follow(family, q) if ends.ends else q
-        return lowest_frequency(family.at(at, self.pose.payload))
+        return self._at(family, self._followed(family))
 
     def within_ends(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] at poses that follow their ends, or are sought near them.
@@ -62,14 +60,23 @@ class Rival:
         and a pose in stroke is found.
         """
         every = replace(self.ends, ends=all_ends(self.ends.machine))
+        at = self._followed(family)
+        values = self._at(family, at)
         with np.errstate(invalid="ignore"):
-            room = every.room(family, self.ends.follow(family, self.pose.q))
-        values = self.frequencies(family)
+            room = every.room(family, np.broadcast_to(at, (family.count, at.shape[-1])))
         beyond = np.flatnonzero((room < -REACHED).any(axis=1))
         if len(beyond):
             found = self.lowest_near(family.some(beyond))
             values[beyond] = np.where(np.isnan(found), values[beyond], found)
         return values
+
+    def _followed(self, family: Family) -> Array:
+        """Its pose as it follows its ends (n, nq); the pose itself (nq,) where none holds it."""
+        return self.ends.follow(family, self.pose.q) if self.ends.ends else self.pose.q
+
+    def _at(self, family: Family, q: Array) -> Array:
+        """Lowest frequency (n,) [Hz] of a family's members at poses (n, nq) or at one (nq,)."""
+        return lowest_frequency(family.at(q, self.pose.payload))
 
     def lowest_near(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] of a family's members near its pose, wherever that is.
