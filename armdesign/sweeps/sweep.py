@@ -368,11 +368,14 @@ def _changes(
 
 
 def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
-    """Raise for key paths that are no texts, and options that would be two columns of a name."""
+    """Raise for key paths that cannot be, and options that would be two columns of a name."""
+    remedy = 'give texts, such as "cylinder.boom.bore_mm"'
     for path in paths:
         if not isinstance(path, str):
-            fault = f"{path!r} is no key path"
-            raise ArmDesignError("changes", fault, 'give texts, such as "cylinder.boom.bore_mm"')
+            raise ArmDesignError("changes", f"{path!r} is no key path", remedy)
+        if path in COLUMNS:
+            fault = "is a column of the frame and no number of a machine file"
+            raise ArmDesignError(f"changes.{path}", fault, remedy)
     for name in options & {*COLUMNS, *paths}:
         fault = "is the name of another column"
         raise ArmDesignError(f"options.{name}", fault, "give it another name")

@@ -82,15 +82,18 @@ def simulate(
     ``cylinder``: whose valve opens, by default the first; by ``opening`` (−1…1) for ``pulse`` [s].
     """
     from armdesign.simulation.excitation import Step
+    from armdesign.simulation.plant.hydraulics import refuse_without_valves
     from armdesign.simulation.simulate import simulate as simulated
 
-    worst, names = frequency_map(machine, workspace).worst, [a.name for a in machine.actuators]
+    refuse_without_valves(machine)
+    names = [a.name for a in machine.actuators]
     name = cylinder or names[0]
     if name not in names:
         raise ArmDesignError("cylinder", f'there is no "{name}"', choose(name, names))
     if not -1.0 <= opening <= 1.0:
         fault = f"{opening:g} is not allowed"
         raise ArmDesignError("opening", fault, "give a number from −1 to 1")
+    worst = frequency_map(machine, workspace).worst
     command = {name: Step(size=opening, end=pulse)}
     run = simulated(machine, worst.q, command=command, duration=duration, payload=worst.payload)
     largest = (run.pressures.max(axis=(0, 2)) / bar).tolist()

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import wait
+from dataclasses import replace
 from enum import IntEnum, StrEnum
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +22,7 @@ import pytest
 
 import armdesign as ad
 from armdesign.errors import MachineFileError, raise_together
-from armdesign.sweeps import processes
+from armdesign.sweeps import processes, tasks
 
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0]}
 
@@ -260,3 +261,11 @@ def test_a_task_that_cannot_travel_is_refused_in_words(task: Any) -> None:
 def test_a_task_without_a_signature_is_refused(task: Any) -> None:
     with pytest.raises(ad.ArmDesignError, match=r"^task: .*give a function of machine and"):
         ad.sweep("paper_1dof", task=task, options={"a": 1}, points=2)
+
+
+def test_a_missing_valve_is_said_before_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks, "frequency_map", lambda *_: pytest.fail("it maps"))
+    machine = ad.load("paper_1dof")
+    bare = replace(machine, cylinders=(replace(machine.cylinders[0], valve=None),))
+    with pytest.raises(ad.ArmDesignError, match="cylinder lift has no valve"):
+        tasks.simulate(bare, ad.Workspace.grid(machine, points=2))

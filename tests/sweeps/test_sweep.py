@@ -317,6 +317,7 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": [5]}, "is no case"),
         ({"changes": {5: [1, 2]}}, "changes: 5 is no key path"),
         ({"changes": {5: []}}, "5: has no values"),
+        ({"changes": {"payload": ["load"]}}, "changes.payload: is a column of the frame"),
         ({"changes": [{"a": 1, 5: 1}]}, "changes: 5 is no key path"),
         ({"changes": {"a": itertools.count()}}, "cases are not allowed"),
         (

@@ -21,7 +21,7 @@ from armdesign.errors import SimulationError
 from armdesign.hydraulics.actuator import SIDES, Actuator
 from armdesign.hydraulics.fluid import bulk_modulus
 from armdesign.hydraulics.friction import Friction, friction_force
-from armdesign.hydraulics.valve import RELIEF_SHARE, Valve, edge_opening, in_series, orifice_flow
+from armdesign.hydraulics.valve import RELIEF_SHARE, edge_opening, in_series, orifice_flow
 from armdesign.machine.machine import Machine
 from armdesign.simulation.plant.compiled import Record, Records, compiled, new_records, within
 from armdesign.units import bar
@@ -88,9 +88,11 @@ def actuators_of(machine: Machine) -> Records:
     Raises:
         SimulationError: one has no valve.
     """
+    refuse_without_valves(machine)
     records = new_records(len(machine.actuators), ACTUATOR)
     for row, actuator in zip(records, machine.actuators, strict=True):
-        valve = _valve_of(machine, actuator)
+        valve = actuator.valve
+        assert valve is not None
         for name in _ACTUATOR:
             row[name] = getattr(actuator, name)
         for name in _VALVE:
@@ -135,13 +137,14 @@ def _set_holding(row: Record, actuator: Actuator) -> None:
     row["holding_gain"] = valve.rated_flow / math.sqrt(valve.rated_drop)
 
 
-def _valve_of(machine: Machine, actuator: Actuator) -> Valve:
-    if actuator.valve is None:
-        fault = f"{actuator.kind} {actuator.name} has no valve"
-        path = f"{actuator.kind}.{actuator.name}.valve"
-        remedy = f"add {path}: rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
-        raise SimulationError(machine.name, fault, remedy)
-    return actuator.valve
+def refuse_without_valves(machine: Machine) -> None:
+    """Raise SimulationError if a cylinder or motor has no valve."""
+    for actuator in machine.actuators:
+        if actuator.valve is None:
+            fault = f"{actuator.kind} {actuator.name} has no valve"
+            path = f"{actuator.kind}.{actuator.name}.valve"
+            remedy = f"add {path}: rated_flow_l_per_min, rated_drop_bar and the spool's dynamics"
+            raise SimulationError(machine.name, fault, remedy)
 
 
 def system_of(machine: Machine) -> Records:
