@@ -67,8 +67,9 @@ class Calibration(ReadOnly):
         """A row for each unknown, in the file's unit, indexed by key path.
 
         Columns ``unit``, ``before``, ``value``, ``deviation`` (standard), ``low`` and ``high``
-        (the interval that holds the truth with 95 %), ``determined``. What the measurements do not
-        determine keeps the file's value, without deviation.
+        (the interval that holds the truth with 95 %, if the other numbers of the file are right),
+        ``determined``. What the measurements do not determine keeps the file's value, without
+        deviation.
         """
         import pandas as pd
 
@@ -85,11 +86,11 @@ class Calibration(ReadOnly):
         if self.fit is None or one not in self.fit.problem.unknowns:
             return None
         k = self.fit.problem.unknowns.index(one)
-        u, sigma = float(self.fit.u[k]), float(self.fit.deviations[k])
-        value, reach = one.number(u), self.fit.quantile * sigma
+        u, (below, above) = float(self.fit.u[k]), self.fit.ends[k]
+        value, deviation = one.number(u), float(self.fit.deviations[k])
         size = value if one.positive else one.size
-        ends = one.number(u - reach), one.number(u + reach)
-        return dict(zip(KEYS, (value, size * sigma, *ends), strict=True))
+        ends = one.number(u - below), one.number(u + above)
+        return dict(zip(KEYS, (value, size * deviation, *ends), strict=True))
 
     @cached_property
     def correlations(self) -> pd.DataFrame:
@@ -99,7 +100,7 @@ class Calibration(ReadOnly):
         if self.fit is None:
             return pd.DataFrame()
         names = [one.path for one in self.fit.problem.unknowns]
-        sizes = self.fit.deviations
+        sizes = self.fit.curvature
         return pd.DataFrame(self.fit.covariance / np.outer(sizes, sizes), names, names)
 
     @cached_property
@@ -251,7 +252,7 @@ def _rounded(machine: Machine, fit: Fit) -> dict[str, Any]:
     A list of which some numbers are fitted has all of them.
     """
     known, changes = flat(machine.section), dict[str, Any]()
-    for one, u, sigma in zip(fit.problem.unknowns, fit.u, fit.deviations, strict=True):
+    for one, u, sigma in zip(fit.problem.unknowns, fit.u, fit.curvature, strict=True):
         value = one.number(float(u))
         size = float(sigma) * (value if one.positive else one.size)
         rounded, (path, index) = round(value, DIGITS - 1 - math.floor(math.log10(size))), one.place
