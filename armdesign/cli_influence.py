@@ -60,8 +60,8 @@ def what_if(
     and a picture.
     """
     from armdesign import plots
-    from armdesign.influence.changes import read_changes
     from armdesign.influence.what_if import what_if as with_changes
+    from armdesign.machine.changes import read_changes
 
     if damping is not None and bandwidth is False:
         raise ArmDesignError("--damping", "is of the bandwidth", "leave out --no-bandwidth")

@@ -293,7 +293,7 @@ class OfMachines(Run):
 
     def load(self, name: str | Path, *, check: bool = True) -> Machine:
         """A machine, with the numbers that ``--set`` gives; ``check``: that it fits together."""
-        from armdesign.influence.changes import changed_machine, read_changes
+        from armdesign.machine.changes import changed_machine, read_changes
         from armdesign.machine.loading import load, load_unchecked
 
         changes = read_changes(self.set, "--set")

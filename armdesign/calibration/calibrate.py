@@ -18,7 +18,7 @@ from armdesign.calibration.fit import Fit, LeastSquares, determined, left_out, r
 from armdesign.calibration.measured import Measured, measured_of, read_measured
 from armdesign.calibration.prediction import Prediction, Predictor, measured_loads
 from armdesign.calibration.unknowns import Unknown, unknowns_of
-from armdesign.machine.file.machine_file import flat
+from armdesign.machine.changes import changed_machine
 from armdesign.machine.machine import Machine
 from armdesign.machine.provenance import retold
 from armdesign.short_repr import short_repr
@@ -67,8 +67,9 @@ class Calibration(ReadOnly):
         """A row for each unknown, in the file's unit, indexed by key path.
 
         Columns ``unit``, ``before``, ``value``, ``deviation`` (standard), ``low`` and ``high``
-        (the interval that holds the truth with 95 %), ``determined``. What the measurements do not
-        determine keeps the file's value, without deviation.
+        (the interval that holds the truth with 95 %, if the other numbers of the file are right),
+        ``determined``. What the measurements do not determine keeps the file's value, without
+        deviation.
         """
         import pandas as pd
 
@@ -85,11 +86,11 @@ class Calibration(ReadOnly):
         if self.fit is None or one not in self.fit.problem.unknowns:
             return None
         k = self.fit.problem.unknowns.index(one)
-        u, sigma = float(self.fit.u[k]), float(self.fit.deviations[k])
-        value, reach = one.number(u), self.fit.quantile * sigma
+        u, (below, above) = float(self.fit.u[k]), self.fit.ends[k]
+        value, deviation = one.number(u), float(self.fit.deviations[k])
         size = value if one.positive else one.size
-        ends = one.number(u - reach), one.number(u + reach)
-        return dict(zip(KEYS, (value, size * sigma, *ends), strict=True))
+        ends = one.number(u - below), one.number(u + above)
+        return dict(zip(KEYS, (value, size * deviation, *ends), strict=True))
 
     @cached_property
     def correlations(self) -> pd.DataFrame:
@@ -99,7 +100,7 @@ class Calibration(ReadOnly):
         if self.fit is None:
             return pd.DataFrame()
         names = [one.path for one in self.fit.problem.unknowns]
-        sizes = self.fit.deviations
+        sizes = self.fit.curvature
         return pd.DataFrame(self.fit.covariance / np.outer(sizes, sizes), names, names)
 
     @cached_property
@@ -220,7 +221,7 @@ def calibrate(
     refuse_too_few(problem, fit)
     before = predictor(machine)
     of_all, kept, loose = determined(problem)
-    calibrated = machine if kept is None else machine.replace(_rounded(machine, kept))
+    calibrated = machine if kept is None else changed_machine(machine, _rounded(kept), "fit")
     after = predictor(calibrated)
     errors = after.frequencies / measured.frequencies - 1 if kept is None else left_out(kept)
     return Calibration(
@@ -245,18 +246,11 @@ def _rows(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [dict(zip(names, row, strict=True)) for row in values.tolist()]
 
 
-def _rounded(machine: Machine, fit: Fit) -> dict[str, Any]:
-    """Values of the file, each with the digits that its deviation leaves it and one more.
-
-    A list of which some numbers are fitted has all of them.
-    """
-    known, changes = flat(machine.section), dict[str, Any]()
-    for one, u, sigma in zip(fit.problem.unknowns, fit.u, fit.deviations, strict=True):
+def _rounded(fit: Fit) -> dict[str, float]:
+    """Values by key path, each with the digits that its deviation leaves it and one more."""
+    changes = {}
+    for one, u, sigma in zip(fit.problem.unknowns, fit.u, fit.curvature, strict=True):
         value = one.number(float(u))
         size = float(sigma) * (value if one.positive else one.size)
-        rounded, (path, index) = round(value, DIGITS - 1 - math.floor(math.log10(size))), one.place
-        if index is None:
-            changes[path] = rounded
-        else:
-            changes.setdefault(path, list(known[path]))[index] = rounded
+        changes[one.path] = round(value, DIGITS - 1 - math.floor(math.log10(size)))
     return changes

@@ -2,9 +2,17 @@
 
 The residuals are ln(f/f_measured) and load pressures over their deviations, and the priors'.
 With the Jacobian J of the weighted residuals the covariance is (JᵀJ)⁻¹, times χ²/(m − k) where
-the model misses by more than the measurements' deviations (Birge 1932). An unknown whose relative
-deviation exceeds ``LOOSE`` is not determined: it is held at the file's value, the least certain
-one first, and the others are found again.
+the model misses by more than the measurements' deviations (Birge 1932).
+
+That is the curvature of χ² at its least, and χ² may bend: another mode becomes the lowest, or a
+compliance no longer matters beside the oil. So the interval of an unknown reaches on either side
+to where χ², with the others found again, has risen by (quantile · scale)²: the profile likelihood.
+It is sought outwards from where the curvature has it, and its farther end tells the deviation.
+
+An unknown whose relative deviation exceeds ``LOOSE`` is not determined: it is held at the file's
+value, the least certain one first, and the others are found again. What bends so is held only if
+its profile has the file's value in the interval: a value that the measurements refute is no
+better than a vague one. What is said of the others is so if what is held is right.
 """
 
 from __future__ import annotations
@@ -24,10 +32,13 @@ from armdesign.machine.machine import Machine
 
 LOOSE = 0.5  # relative standard deviation of an unknown that is not determined
 CONFIDENCE = 0.95  # of the intervals
+EXACTLY, ROUGHLY = 1e-9, 1e-3  # relative tolerances of a fit, and of one for an interval
 STEP = 1e-4  # of u, for differences
 DECADES = range(-15, 4)  # in which the start of an unknown that the file says is 0 is sought
 SLOWEST = 1e-6  # [Hz] stands for an unstable pose in logarithms
 REFUSED = 1e3  # residual of a trial that no machine can be
+FARTHEST = 4.0  # relative standard deviation beyond which none is sought
+AGREES = 0.9  # of an interval that χ² confirms: where the curvature has its end to a tenth
 LEFT_OUT_STEPS = 3  # Gauss-Newton steps from the fit of all to that without one
 
 
@@ -49,6 +60,11 @@ class LeastSquares:
         """The variant at u (k,)."""
         changes = {one.path: one.number(float(x)) for one, x in zip(self.unknowns, u, strict=True)}
         return varied(self.machine, changes)
+
+    @cached_property
+    def limits(self) -> Array:
+        """Least and largest u (2, k)."""
+        return np.array([one.limits for one in self.unknowns]).T
 
     @cached_property
     def rows(self) -> Array:
@@ -91,10 +107,10 @@ class LeastSquares:
             ]
         )
 
-    def jacobian(self, u: Array) -> Array:
-        """Derivatives of the residuals by u (m, k), by central differences."""
+    def jacobian(self, u: Array, free: Array | slice = slice(None)) -> Array:
+        """Derivatives of the residuals by u, or some of it, (m, k), by central differences."""
         columns = []
-        for step in STEP * np.eye(len(u)):
+        for step in STEP * np.eye(len(u))[free]:
             columns.append((self.residuals(u + step) - self.residuals(u - step)) / (2 * STEP))
         return np.stack(columns, axis=1)
 
@@ -158,10 +174,63 @@ class Fit:
         lost = np.any(np.abs(directions[~known]) > 1e-9, axis=0)
         return np.where(lost[:, None] & lost, np.inf, squares)
 
-    @property
-    def deviations(self) -> Array:
-        """Standard deviations of u (k,)."""
+    @cached_property
+    def curvature(self) -> Array:
+        """Standard deviations of u (k,) as the curvature of χ² has them."""
         return np.sqrt(np.diag(self.covariance))
+
+    @cached_property
+    def deviations(self) -> Array:
+        """Standard deviations of u (k,): the farther ends of the intervals over the quantile.
+
+        By the curvature if that suffices to tell that an unknown is not determined.
+        """
+        if self.curvature.max() > LOOSE:
+            return self.curvature
+        return np.asarray(self.ends.max(axis=1) / self.quantile)
+
+    @cached_property
+    def loose(self) -> Array:
+        """Which unknowns are not determined (k,)."""
+        wide = self.deviations > LOOSE
+        if self.curvature.max() <= LOOSE:
+            for k in map(int, np.flatnonzero(wide)):
+                one = self.problem.unknowns[k]
+                wide[k] = self._share(k, one.coordinate(one.value)) <= 1
+        return wide
+
+    @cached_property
+    def ends(self) -> Array:
+        """How far below and above u each interval reaches (k, 2), no less than by curvature."""
+        return np.array([[self._end(k, side) for side in (-1, 1)] for k in range(len(self.u))])
+
+    def _end(self, k: int, side: int) -> float:
+        """Distance of an interval's end from u; ``FARTHEST`` deviations, if it is beyond."""
+        room = abs(self.problem.limits[max(side, 0), k] - self.u[k])
+        farthest = min(self.quantile * FARTHEST, room)
+        near, near_share = 0.0, 0.0
+        far = min(self.quantile * self.curvature[k], farthest)
+        share = self._share(k, self.u[k] + side * far)
+        if share >= AGREES:
+            return float(far)
+        while share < 1 and far < farthest:
+            near, near_share = far, share
+            far = min(2 * far, farthest)
+            share = self._share(k, self.u[k] + side * far)
+        if share < 1:
+            return float(far)
+        return float(near + (far - near) * (1 - near_share) / (share - near_share))
+
+    def _share(self, k: int, x: float) -> float:
+        """Where u[k] = x is in its interval: 0 at the best fit, 1 at an end, more outside.
+
+        The root of χ² less its least, the others found again, over what that is at the ends.
+        """
+        others, u = np.arange(len(self.u)) != k, self.u.copy()
+        u[k] = x
+        u = least(self.problem, u, others, ROUGHLY)
+        rise = float(np.sum(self.problem.residuals(u) ** 2) - np.sum(self.residuals**2))
+        return math.sqrt(max(rise, 0.0)) / (self.scale * self.quantile)
 
     @property
     def quantile(self) -> float:
@@ -174,15 +243,33 @@ class Fit:
 
 def fitted(problem: LeastSquares, start: Array | None = None) -> Fit:
     """The least squares of a problem, from a start (k,) or the file's values."""
+    begin = problem.start() if start is None else start
+    u = least(problem, begin, np.full(len(begin), fill_value=True))
+    return Fit(problem, u, problem.residuals(u), problem.jacobian(u))
+
+
+def least(problem: LeastSquares, start: Array, free: Array, tolerance: float = EXACTLY) -> Array:
+    """U (k,) of the least squares over the free unknowns (k,), from a start (k,)."""
     from scipy.optimize import least_squares
 
-    limits = np.array([one.limits for one in problem.unknowns]).T
-    begin = problem.start() if start is None else start
-    inner = np.clip(begin, limits[0] + 1e-9, limits[1] - 1e-9)
+    if not free.any():
+        return start
+    low, high = problem.limits[:, free]
+
+    def whole(some: Array) -> Array:
+        u = start.copy()
+        u[free] = some
+        return u
+
     optimum = least_squares(
-        problem.residuals, inner, problem.jacobian, bounds=(limits[0], limits[1]), xtol=1e-9
+        lambda some: problem.residuals(whole(some)),
+        np.clip(start[free], low + 1e-9, high - 1e-9),
+        lambda some: problem.jacobian(whole(some), free),
+        bounds=(low, high),
+        xtol=tolerance,
+        ftol=tolerance,
     )
-    return Fit(problem, optimum.x, optimum.fun, problem.jacobian(optimum.x))
+    return whole(optimum.x)
 
 
 def determined(problem: LeastSquares) -> tuple[Fit, Fit | None, dict[str, float]]:
@@ -194,9 +281,9 @@ def determined(problem: LeastSquares) -> tuple[Fit, Fit | None, dict[str, float]
     of_all = now = fitted(problem)
     loose: dict[str, float] = {}
     while True:
-        loosest = int(np.argmax(now.deviations))
-        if now.deviations[loosest] <= LOOSE:
+        if not now.loose.any():
             return of_all, now, loose
+        loosest = int(np.argmax(np.where(now.loose, now.deviations, 0.0)))
         loose[now.problem.unknowns[loosest].path] = float(now.deviations[loosest])
         determined = np.arange(len(now.u)) != loosest
         pairs = zip(now.problem.unknowns, determined, strict=True)
@@ -214,7 +301,6 @@ def left_out(fit: Fit) -> Array:
     """
     problem = fit.problem
     measured, rows = problem.predictor.measured, problem.rows
-    limits = np.array([one.limits for one in problem.unknowns]).T
     errors = np.full(len(measured), np.nan)
     for n in np.flatnonzero(np.isfinite(measured.frequencies)):
         others, u = rows != n, fit.u
@@ -223,7 +309,7 @@ def left_out(fit: Fit) -> Array:
             continue
         for _ in range(LEFT_OUT_STEPS):
             change = np.linalg.lstsq(slopes, problem.residuals(u)[others], rcond=None)[0]
-            u = np.clip(u - change, *limits)
+            u = np.clip(u - change, *problem.limits)
         at_rest = problem.predictor(problem.at(u)).frequencies[n]
         errors[n] = at_rest / measured.frequencies[n] - 1
     return errors

@@ -54,6 +54,8 @@ def findings(
             if math.isfinite(loose[one.path]):
                 how = f"known to a factor of {math.exp(min(loose[one.path], 9.0)):.2g} at best"
             held = f"held at {one.value:g} {one.unit}".rstrip()
+            if fit is not None:
+                held += ", and what is said of the others is so if that is right"
             sentences.append(f"{one.path} is not determined by these measurements ({how}): {held}")
     return (*sentences, *_implausible(fit), *_apart(of_all), *warnings)
 

@@ -22,11 +22,11 @@ from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.influence.bandwidth import SCHEMES, bandwidths, name_of
-from armdesign.influence.changes import changed_machine, numeric_changes
 from armdesign.influence.estimates import impossible
 from armdesign.influence.family import rebuilt
 from armdesign.influence.rivals import rivals
 from armdesign.influence.slopes import slopes
+from armdesign.machine.changes import changed_machine, numeric_changes
 from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import numbers_of
 from armdesign.machine.lift_chart import LiftChart, lift_chart_if_any

@@ -13,7 +13,7 @@ from typing import Any
 from armdesign.arguments import refuse_unless_seed
 from armdesign.csv_rows import NUMBER, read_rows
 from armdesign.errors import ArmDesignError
-from armdesign.influence.changes import toml_value
+from armdesign.machine.changes import toml_value
 
 Changes = Mapping[str, Any]
 MOST = 1_000_000  # cases of one sweep

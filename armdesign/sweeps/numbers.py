@@ -76,7 +76,7 @@ def of_map(frequencies: FrequencyMap) -> Numbers:
 
 def of_design(design: Design) -> Numbers:
     """Worst frequency today and of the best machine, its gains, and every changed number."""
-    from armdesign.influence.changes import numeric_changes
+    from armdesign.machine.changes import numeric_changes
 
     before, after = design.before.worst.frequency, design.after.worst.frequency
     changed = numeric_changes(design.today, design.machine)

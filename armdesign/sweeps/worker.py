@@ -18,8 +18,8 @@ import numpy as np
 
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
-from armdesign.influence.changes import changed_machine
 from armdesign.journal.journal import Entry
+from armdesign.machine.changes import changed_machine
 from armdesign.machine.machine import Machine
 from armdesign.sweeps.answers import COLUMNS, writable
 from armdesign.sweeps.cases import Case

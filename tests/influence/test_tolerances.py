@@ -10,9 +10,9 @@ import pytest
 import armdesign as ad
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.worst_frequency import worst_anywhere
-from armdesign.influence.changes import changed_machine
 from armdesign.influence.family import rebuilt
 from armdesign.influence.widths import family_of, widths_of
+from armdesign.machine.changes import changed_machine
 from tests import machines
 
 ALL = """

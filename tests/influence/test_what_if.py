@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.influence.changes import read_changes
 from armdesign.influence.what_if import _evenly
+from armdesign.machine.changes import read_changes
 from tests import machines
 from tests.commands import assert_one_line, main
 

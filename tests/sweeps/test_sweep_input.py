@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armdesign as ad
-from armdesign.influence.changes import changed_machine
+from armdesign.machine.changes import changed_machine
 from armdesign.sweeps.numbers import of_design
 from armdesign.sweeps.study_file import read_study
 
