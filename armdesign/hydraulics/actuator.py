@@ -260,7 +260,7 @@ class Motor(Actuator):
         stroke: Numbers = None,
     ) -> tuple[Numbers, Numbers]:
         """Oil trapped on either side [m³], the same at every angle."""
-        any_angle = 0.0 * extension
+        any_angle = np.zeros_like(extension)
         return self.cap_dead_volume + any_angle, self.annulus_dead_volume + any_angle
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.testing import assert_allclose
 
-from armdesign.hydraulics.actuator import Cylinder
+from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid, Supply, bulk_modulus
 from armdesign.hydraulics.oil_spring import oil_stiffness
 from armdesign.units import MPa, bar
@@ -90,3 +90,18 @@ def test_stiffness_by_areas_is_complex_safe() -> None:
 
     exact = np.imag(k(0.011 + 1e-20j)) / 1e-20
     assert_allclose(exact, (k(0.011 + 1e-7) - k(0.011 - 1e-7)) / 2e-7, rtol=1e-6)
+
+
+def test_a_motor_is_as_stiff_at_a_singular_pose() -> None:
+    """No angle changes its volumes, not even the endless one by which a force of inf bends it."""
+    motor = Motor(
+        name="slew",
+        joint="slew",
+        displacement=1e-4,
+        gear_ratio=100.0,
+        cap_dead_volume=1e-3,
+        annulus_dead_volume=1e-3,
+        compliance=1e-8,
+    )
+    at_rest, singular = motor.stiffness(np.zeros(2), np.array([0.0, math.inf]), OIL, SUPPLY)
+    assert at_rest == singular > 0
