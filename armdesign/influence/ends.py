@@ -105,12 +105,14 @@ class Ends:
     def follow(self, family: Family, q: Array) -> Array:
         """Poses (n, nq) of a family's members that touch the same ends as one pose (nq,).
 
-        The nearest such poses, by Newton's method with the slopes of the machine itself.
+        The nearest such poses, by Newton's method with the slopes of the machine itself at the
+        pose, or at the first where each member has its own (n, nq).
         """
-        at = np.tile(q, (family.count, 1))
+        at = np.array(np.broadcast_to(q, (family.count, q.shape[-1])))
         if not self.ends:
             return at
-        inverse = np.linalg.pinv(self.slopes(Family.of(family.machine, {}, 1), q[None])[0])
+        own = Family.of(family.machine, {}, 1)
+        inverse = np.linalg.pinv(self.slopes(own, np.atleast_2d(q)[:1])[0])
         for _ in range(NEWTON):
             step = self.room(family, at) @ inverse.T
             at = at - step

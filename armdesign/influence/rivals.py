@@ -70,6 +70,10 @@ class Rival:
             values[beyond] = np.where(np.isnan(found), values[beyond], found)
         return values
 
+    def at(self, q: Array) -> Rival:
+        """The rival at another pose (nq,), or each member of its families at its own (n, nq)."""
+        return replace(self, pose=replace(self.pose, q=q))
+
     def _followed(self, family: Family) -> Array:
         """Its pose as it follows its ends (n, nq); the pose itself (nq,) where none holds it."""
         return self.ends.follow(family, self.pose.q) if self.ends.ends else self.pose.q
