@@ -10,6 +10,11 @@ left to the ends, f the frequency and p a number, the worst frequency f* changes
 In oil with air an actuator is softest where its load leaves both chambers at the lower pressure:
 the frequency has a kink there, and a worst pose in it stays in it. From the side on which the
 pose stands, the kink is an end as others are.
+
+Assumed is that kinks of several actuators part as the pose moves. Where one motion loads two
+actuators at once, as an arm level at a return pressure of 0 leaves both without load, a number
+that parts the kinks leaves the worst pose in one of them, and the multipliers do not tell which:
+the derivative may be that of the other. A search near it finds the lower.
 """
 
 from __future__ import annotations
