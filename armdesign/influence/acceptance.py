@@ -48,7 +48,8 @@ class Acceptance(ReadOnly):
 
     Attributes:
         drawn: the requirements (m), judged on the drawing.
-        slacks: of the machines (n, m), ≥ 0 where met; −1 where a linkage opens.
+        slacks: of the machines (n, m), ≥ 0 where met; −1 where a linkage opens, of the frequency
+            where no pose is in stroke.
     """
 
     drawn: tuple[Check, ...]

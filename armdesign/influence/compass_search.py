@@ -28,13 +28,14 @@ OUTSIDE = 1e6  # [Hz] above all frequencies: a pose out of stroke, the more the 
 def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
     """Lowest frequency (n,) [Hz] of every member near a worst pose (nq,), and where (n, nq).
 
+    Each member may have a pose of its own (n, nq).
     NaN where no pose near that one, or near the one that follows its ends, is in stroke.
     """
     search = _Compass(family, replace(ends, ends=all_ends(ends.machine)))
     best_q = ends.follow(family, q)
     best_q = np.clip(best_q, *ends.machine.arm.limits.T)
     best = search.frequencies(best_q, np.arange(family.count))
-    start = np.tile(q, (family.count, 1))
+    start = np.broadcast_to(q, best_q.shape)
     other = search.frequencies(start, np.arange(family.count))
     best_q = np.where((other < best)[:, None], start, best_q)
     best = np.minimum(best, other)
@@ -46,7 +47,7 @@ def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
             break
         tried = best_q[rows, None] + steps[rows, None, None] * compass
         members = np.repeat(rows, len(compass))
-        values = search.frequencies(tried.reshape(-1, len(q)), members)
+        values = search.frequencies(tried.reshape(-1, q.shape[-1]), members)
         values = values.reshape(len(rows), -1)
         chosen = values.argmin(axis=1)
         lower = values[np.arange(len(rows)), chosen] < best[rows]

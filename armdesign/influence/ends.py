@@ -10,6 +10,11 @@ left to the ends, f the frequency and p a number, the worst frequency f* changes
 In oil with air an actuator is softest where its load leaves both chambers at the lower pressure:
 the frequency has a kink there, and a worst pose in it stays in it. From the side on which the
 pose stands, the kink is an end as others are.
+
+Assumed is that kinks of several actuators part as the pose moves. Where one motion loads two
+actuators at once, as an arm level at a return pressure of 0 leaves both without load, a number
+that parts the kinks leaves the worst pose in one of them, and the multipliers do not tell which:
+the derivative may be that of the other. A search near it finds the lower.
 """
 
 from __future__ import annotations
@@ -105,12 +110,14 @@ class Ends:
     def follow(self, family: Family, q: Array) -> Array:
         """Poses (n, nq) of a family's members that touch the same ends as one pose (nq,).
 
-        The nearest such poses, by Newton's method with the slopes of the machine itself.
+        The nearest such poses, by Newton's method with the slopes of the machine itself at the
+        pose, or at the first where each member has its own (n, nq).
         """
-        at = np.tile(q, (family.count, 1))
+        at = np.array(np.broadcast_to(q, (family.count, q.shape[-1])))
         if not self.ends:
             return at
-        inverse = np.linalg.pinv(self.slopes(Family.of(family.machine, {}, 1), q[None])[0])
+        own = Family.of(family.machine, {}, 1)
+        inverse = np.linalg.pinv(self.slopes(own, np.atleast_2d(q)[:1])[0])
         for _ in range(NEWTON):
             step = self.room(family, at) @ inverse.T
             at = at - step

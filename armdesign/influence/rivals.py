@@ -56,8 +56,8 @@ class Rival:
     def within_ends(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] at poses that follow their ends, or are sought near them.
 
-        The latter where another end comes before theirs, as a stroke's before a joint's limit,
-        and a pose in stroke is found.
+        The latter where another end comes before theirs, as a stroke's before a joint's limit;
+        inf where no pose in stroke is found.
         """
         every = replace(self.ends, ends=all_ends(self.ends.machine))
         at = self._followed(family)
@@ -66,9 +66,12 @@ class Rival:
             room = every.room(family, np.broadcast_to(at, (family.count, at.shape[-1])))
         beyond = np.flatnonzero((room < -REACHED).any(axis=1))
         if len(beyond):
-            found = self.lowest_near(family.some(beyond))
-            values[beyond] = np.where(np.isnan(found), values[beyond], found)
+            values[beyond] = np.nan_to_num(self.lowest_near(family.some(beyond)), nan=np.inf)
         return values
+
+    def at(self, q: Array) -> Rival:
+        """The rival at another pose (nq,), or each member of its families at its own (n, nq)."""
+        return replace(self, pose=replace(self.pose, q=q))
 
     def _followed(self, family: Family) -> Array:
         """Its pose as it follows its ends (n, nq); the pose itself (nq,) where none holds it."""

@@ -23,6 +23,7 @@ from armdesign.influence.estimates import impossible
 from armdesign.influence.family import Family, can_matter, rebuilt
 from armdesign.influence.rivals import WITHIN, Rival, rivals
 from armdesign.influence.slopes import slopes
+from armdesign.influence.turns import at_worst_turn
 from armdesign.machine.file.contradictions import contradictions
 from armdesign.machine.file.numbers import Number, numbers_of, with_values
 from armdesign.machine.machine import Machine
@@ -105,12 +106,13 @@ class Sensitivity(ReadOnly):
         values = []
         for k, number in enumerate(self.numbers):
             nearest = np.inf
-            for rival, slope in zip(self.rivals[1:], self.slopes[1:, k, 0], strict=True):
-                closing = self.slopes[0, k, 0] - slope
-                change = (rival.frequency - self.rivals[0].frequency) / closing if closing else 0.0
-                inside = number.low <= number.value + change <= number.high
-                if change and inside and abs(change) < abs(nearest):
-                    nearest = change
+            for rival, slope in zip(self.rivals[1:], self.slopes[1:, k], strict=True):
+                gap = rival.frequency - self.rivals[0].frequency
+                for way, closing in zip((1, -1), self.slopes[0, k] - slope, strict=True):
+                    change = gap / closing if closing else 0.0
+                    inside = number.low <= number.value + change <= number.high
+                    if change * way > 0 and inside and abs(change) < abs(nearest):
+                        nearest = change
             values.append(number.value + nearest if np.isfinite(nearest) else np.nan)
         return values
 
@@ -370,6 +372,11 @@ def _exact(
 
 
 def _alone(machine: Machine, rival: Rival, number: Number, value: float) -> float:
-    """A rival's frequency [Hz] with another number that no family can have as an array."""
+    """A rival's frequency [Hz] with another number that no family can have as an array.
+
+    Where joints change no frequency, also sought from the turn that the number makes the worst.
+    """
     other = rebuilt(machine, {number.location: value})
-    return float(rival.of(other).lowest_near(Family.of(other, {}, 1))[0])
+    one = rival.of(other)
+    starts = np.unique([rival.pose.q, at_worst_turn(machine, one)[1]], axis=0)
+    return float(np.fmin.reduce(one.at(starts).lowest_near(Family.of(other, {}, len(starts)))))

@@ -18,15 +18,14 @@ from armdesign.arrays import Array
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.influence.family import Family, can_matter, moves_the_arm, rebuilt
 from armdesign.influence.rivals import Rival
+from armdesign.influence.turns import at_worst_turn
 from armdesign.machine.file.numbers import Number
 from armdesign.machine.machine import Machine
 
 STEP = 1e-30  # complex step, in the file's unit over the number's size
 CLUSTER = 1e-7  # eigenvalues this near, relative, are one
 DIFFERENCE = 1e-3  # step of differences for numbers that move links, in the file's unit
-# steps and weights over 12 of differences of fourth order
-CENTRAL = (-2, -1, 1, 2), (1, -8, 8, -1)
-ONE_SIDED = (0, 1, 2, 3, 4), (-25, 48, -36, 16, -3)
+STEPS, WEIGHTS = (0, 1, 2, 3, 4), (-25, 48, -36, 16, -3)  # over 12: a one-sided difference
 
 
 def slopes(machine: Machine, rival: Rival, numbers: Sequence[Number]) -> Array:
@@ -102,16 +101,23 @@ def eigenvalue_slopes(
 
 
 def _by_differences(machine: Machine, rival: Rival, number: Number) -> Array:
-    """Derivative (2,), alike in both directions, of a number with which links are others.
+    """Derivatives (2,) by a number with which links are others, upwards and downwards.
 
-    Central where the file may have the values on both sides, else to the side that it may have.
+    Each to its own side, as another turn of a slew may be the worst there, and loads that are
+    none until the number tilts the machine have a kink; to the other where the file may not have
+    the values.
     """
-    far = 2 * DIFFERENCE
-    inside = number.low <= number.value - far, number.value + far <= number.high
-    steps, weights = CENTRAL if all(inside) else ONE_SIDED
-    sign = 1.0 if inside[1] else -1.0
+    far = STEPS[-1] * DIFFERENCE
+    ways = [way for way in (1, -1) if number.low <= number.value + way * far <= number.high]
+    found = [_one_sided(machine, rival, number, way) for way in ways]
+    return np.array([found[0], found[-1]])
+
+
+def _one_sided(machine: Machine, rival: Rival, number: Number, way: int) -> float:
+    """Derivative of a rival's frequency by a number to one side."""
     total = 0.0
-    for step, weight in zip(steps, weights, strict=True):
-        other = rebuilt(machine, {number.location: number.value + sign * step * DIFFERENCE})
-        total += weight * float(rival.of(other).frequencies(Family.of(other, {}, 1))[0])
-    return np.full(2, sign * total / (12 * DIFFERENCE))
+    for step, weight in zip(STEPS, WEIGHTS, strict=True):
+        value = number.value + way * step * DIFFERENCE
+        other = rebuilt(machine, {number.location: value}) if step else machine
+        total += weight * at_worst_turn(machine, rival.of(other))[0]
+    return way * total / (12 * DIFFERENCE)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arguments import checked, refuse_unless_seed
-from armdesign.arrays import Array, ReadOnly, chunks, read_only
+from armdesign.arrays import Array, Flags, ReadOnly, chunks, read_only
 from armdesign.design.requirements.record import Check
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
@@ -55,7 +55,7 @@ class Tolerances(ReadOnly):
         values: their values (n, w), in the file's unit, of the mass of links a factor.
         slopes: derivatives of the rivals' frequencies by them (r, w, 2) [Hz per unit].
         of_rivals: frequencies of all machines at the rivals (n, r) [Hz], NaN where a machine
-            cannot take the pose.
+            cannot take the pose, inf where no pose near it is in stroke.
         least: worst frequency that a machine must reach [Hz].
         stated: whether file or caller state it; else it is the file's worst frequency.
         searched: worst frequencies (k,) [Hz] of the first k machines, looked for near the rivals.
@@ -77,8 +77,17 @@ class Tolerances(ReadOnly):
     @cached_property
     @read_only
     def frequencies(self) -> Array:
-        """Worst frequency of every machine (n,) [Hz]."""
-        return np.asarray(np.nanmin(self.of_rivals, axis=1))
+        """Worst frequency of every machine (n,) [Hz]; NaN where it does not work."""
+        lowest = np.nanmin(self.of_rivals, axis=1)
+        return np.asarray(np.where(np.isinf(lowest), np.nan, lowest))
+
+    @property
+    def working(self) -> Flags:
+        """Whether each machine has a pose in stroke near those of the drawing (n,).
+
+        One that has none meets no requirement.
+        """
+        return np.isfinite(self.frequencies)
 
     @cached_property
     @read_only
@@ -115,14 +124,14 @@ class Tolerances(ReadOnly):
             value=drawn,
             slack=drawn / self.least - 1,
         )
-        slacks = check, made / self.least - 1
+        slacks = check, np.nan_to_num(made / self.least - 1, nan=-1.0)
         values = self.values[:JUDGED]
         return acceptance(self.machine, self.workspace, self.widths, values, slacks)
 
     @property
     def moved(self) -> float:
         """Share of machines whose worst pose is another than the file's."""
-        return float(np.mean(np.nanargmin(self.of_rivals, axis=1) > 0))
+        return float(np.mean(np.nanargmin(self.of_rivals[self.working], axis=1) > 0))
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -137,8 +146,9 @@ class Tolerances(ReadOnly):
         """A row for each number that differs, the greatest share of the variance first.
 
         ``linear_hz``: half width times derivative of the worst pose; ``low_hz``, ``high_hz``:
-        exact change at either end of the width, all else as in the file; ``curvature_hz``: what
-        these are off the line together; ``variance``: share of the linear variance.
+        exact change at either end of the width, all else as in the file, NaN where that has no
+        pose in stroke; ``curvature_hz``: what these are off the line together; ``variance``:
+        share of the linear variance.
         """
         import pandas as pd
 
@@ -148,12 +158,13 @@ class Tolerances(ReadOnly):
         ends = []
         for end in limits.T:
             values = np.where(np.eye(len(half), dtype=bool), end, start)
-            lowest = _frequencies(self.machine, self.rivals, self.widths, values)
-            ends.append(np.fmin.reduce(lowest, axis=1) - self.rivals[0].frequency)
+            of_rivals = _frequencies(self.machine, self.rivals, self.widths, values)
+            lowest = np.fmin.reduce(of_rivals, axis=1)
+            ends.append(np.where(np.isinf(lowest), np.nan, lowest) - self.rivals[0].frequency)
         line = self.slopes[0, :, 0] * half
         spread = self.slopes[0, :, 0] * (limits[:, 1] - limits[:, 0]) / 2
         expected = self.slopes[0, :, ::-1] * (limits - start.T)  # slopes are upwards, downwards
-        off = np.abs(np.array(ends).T - expected).max(axis=1)
+        off = np.fmax.reduce(np.abs(np.array(ends).T - expected), axis=1)
         frame = pd.DataFrame(
             {
                 "number": [width.name for width in self.widths],
@@ -173,7 +184,7 @@ class Tolerances(ReadOnly):
         """Percentiles of the worst frequency [Hz], exact and by the derivatives."""
         import pandas as pd
 
-        columns = {"exact": self.frequencies, "linear": self.linear}
+        columns = {"exact": self.frequencies[self.working], "linear": self.linear[self.working]}
         return pd.DataFrame(
             {name: np.percentile(values, PERCENTS) for name, values in columns.items()},
             index=[f"{percent:g} %" for percent in PERCENTS],
@@ -185,17 +196,19 @@ class Tolerances(ReadOnly):
         return [self._summary(units), judged, self._percentiles(), self._numbers()]
 
     def _summary(self, units: Units) -> Sheet:
-        worst, error = self.rivals[0], self.linear - self.frequencies
+        worst, works = self.rivals[0], self.working
+        made, linear = self.frequencies[works], self.linear[works]
+        error = linear - made
         at = int(np.abs(error).argmax())
-        found = np.isfinite(self.searched)
-        followed = self.frequencies[: len(found)][found]
-        less = (followed - self.searched[found]) / np.where(followed > 0, followed, 1.0)
-        near = np.max(less, initial=0.0)
+        near, found = self._searched_lower
         what = "stated" if self.stated else "of this file: none is stated, least_hz states one"
-        spread = f"{self.frequencies.std():.4f} Hz, by derivatives {self.linear.std():.4f} Hz"
+        spread = f"{made.std():.4f} Hz, by derivatives {linear.std():.4f} Hz"
+        idle = np.count_nonzero(~works)
+        words = f"{idle}: no pose near those of the drawing is in stroke; they are rejected"
         rows = (
             ("machines", f"{len(self.values)}, {len(self.widths)} numbers differ"),
             ("requirement", f"worst frequency of at least {self.least:.3f} Hz ({what})"),
+            *([("do not work", words)] if idle else []),
             (
                 "met by",
                 f"{100 * self.share:.1f} %; by derivatives {100 * self.linear_share:.1f} %",
@@ -208,7 +221,7 @@ class Tolerances(ReadOnly):
             ("worst pose moves", f"to a rival in {100 * self.moved:.1f} % of the machines"),
             (
                 "derivatives fail",
-                f"most at {self.frequencies[at]:.3f} Hz, by {error[at]:+.4f} Hz; in the mean by"
+                f"most at {made[at]:.3f} Hz, by {error[at]:+.4f} Hz; in the mean by"
                 f" {np.mean(error):+.4f} Hz",
             ),
         )
@@ -217,11 +230,19 @@ class Tolerances(ReadOnly):
             rows=rows,
             note=(
                 f"poses followed past end stops and pitch limits: {len(self.rivals)}; a search"
-                f" near them finds {share_text(near)} less at most, in {found.sum()} of the"
+                f" near them finds {share_text(near)} less at most, in {found} of the"
                 " machines"
             ),
-            bold=(2,),
+            bold=(2 + bool(idle),),
         )
+
+    @property
+    def _searched_lower(self) -> tuple[float, int]:
+        """Share by which a search finds less at most, and number of machines that it finds."""
+        found = np.isfinite(self.searched)
+        followed = self.frequencies[: len(found)][found]
+        less = (followed - self.searched[found]) / np.where(followed > 0, followed, 1.0)
+        return float(np.max(less, initial=0.0)), int(np.count_nonzero(found))
 
     def _percentiles(self) -> Sheet:
         table = self.percentiles
@@ -239,7 +260,7 @@ class Tolerances(ReadOnly):
         rows = []
         for row in self.by_number.head(SHOWN).to_dict("records"):
             changes = (row[key] for key in ("linear_hz", "low_hz", "high_hz", "curvature_hz"))
-            cells = (f"{1e3 * change:+.1f}" for change in changes)
+            cells = (f"{1e3 * x:+.1f}" if np.isfinite(x) else "–" for x in changes)
             head = (row["number"], f"{row['half_width']:.3g}")
             rows.append((*head, *cells, f"{100 * row['variance']:.1f} %"))
         hidden = len(self.widths) - len(rows)
@@ -249,8 +270,8 @@ class Tolerances(ReadOnly):
             rows=tuple(rows),
             note=(
                 "low, high: exact at either end of the width, all else as drawn; off: most off the"
-                " line, where derivatives fail; share: of the linear variance"
-                + (f"; {hidden} more in tolerances.csv" if hidden > 0 else "")
+                " line, where derivatives fail; –: no pose is in stroke; share: of the linear"
+                " variance" + (f"; {hidden} more in tolerances.csv" if hidden > 0 else "")
             ),
         )
 
@@ -314,6 +335,9 @@ def tolerances(
             f"{share_text(lost.mean())} of the machines cannot take the worst pose",
             _narrower(machine, poses, widths, count, seed),
         )
+    if np.isinf(np.fmin.reduce(of_rivals, axis=1)).all():
+        fault, remedy = "no machine has a pose in stroke near its worst pose", "give less"
+        raise ArmDesignError(f"{machine.source.name}: tolerances", fault, remedy)
     stated = machine.section.tolerances.least_hz if least is None else least
     return Tolerances(
         machine=machine,

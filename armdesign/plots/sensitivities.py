@@ -52,7 +52,8 @@ def tornado(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
 def distribution(tolerances: Tolerances, ax: Axes | None = None) -> Axes:
     """Axes with the distribution of the worst frequency, exact and by the derivatives."""
     ax = figure(1, 7.0, 4.6)[1][0] if ax is None else ax
-    both = {"exact": tolerances.frequencies, "linear": tolerances.linear}
+    works = tolerances.working
+    both = {"exact": tolerances.frequencies[works], "linear": tolerances.linear[works]}
     low, high = np.percentile(np.concatenate(list(both.values())), [0.02, 99.98])
     bins = np.linspace(low, high, 61).tolist()
     ax.hist(both["exact"], bins, color=COMPUTED, alpha=0.6, label="exact", density=True)

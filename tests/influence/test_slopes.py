@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign.arrays import Array
+from armdesign.frequency.worst_frequency import worst_anywhere
 from armdesign.influence.family import Family, rebuilt
 from armdesign.influence.rivals import Rival, rivals
 from armdesign.influence.slopes import eigenvalue_slopes, mass_slopes, slopes
@@ -118,6 +122,86 @@ def test_a_worst_pose_without_load_on_a_cylinder_stays_in_the_kink(path: str, st
     measured = (more - less) / (2 * step)
     found = slopes(machine, worst, [number])[0]
     assert found[0] == found[1] == pytest.approx(measured, rel=5e-3)
+
+
+SLEWING = """
+name = "slewing"
+joints = ["slew", "boom"]
+tool = { link = "boom", at_mm = [2000, 0, 0] }
+[links.ground]
+[links.slew]
+parent = "ground"
+at_mm = [0, 0, 1000]
+type = "continuous"
+axis = [0, 0, 1]
+mass_kg = 300
+centre_mm = [200, 0, 100]
+inertia_kg_m2 = [20, 30, 30]
+[links.boom]
+parent = "slew"
+at_mm = [300, 0, 0]
+length_mm = 2000
+mass_kg = 200
+limits_deg = [-20, 60]
+[payload.full]
+mass_kg = 400
+link = "boom"
+at_mm = [2000, 0, 0]
+[fluid]
+bulk_modulus_MPa = 1200
+entrained_air_percent = 1
+[supply]
+pressure_bar = 250
+return_pressure_bar = 5
+flow_l_per_min = 100
+[motor.slew]
+displacement_cm3 = 160
+gear_ratio = 24
+trapped_volume_l = { a = 2, b = 2 }
+[cylinder.lift]
+bore_mm = 100
+rod_mm = 56
+stroke_mm = 700
+closed_length_mm = 800
+dead_volume_l = { cap = 1.5, annulus = 1.5 }
+base = { link = "slew", at_mm = [200, 0, -700] }
+rod_end = { link = "boom", at_mm = [800, 0, -50] }
+"""
+
+
+def tilted(path: str) -> tuple[ad.Machine, Rival, Number, Callable[[float], float]]:
+    """The slewing machine, and by how much a tilt changes its worst frequency, sought anew."""
+    machine = ad.Machine.from_text(SLEWING, "", Path("slewing.toml"))
+    rival = rivals(machine, ad.Workspace.grid(machine, points=9))[0]
+    number = numbers_of(machine.section)[path]
+
+    def change(step: float) -> float:
+        other = rebuilt(machine, {number.location: step})
+        anew = worst_anywhere(other, ad.Workspace.grid(other, points=[25, 9]))
+        return anew.frequency - rival.frequency
+
+    return machine, rival, number, change
+
+
+@pytest.mark.parametrize("path", ["links.slew.axis.0", "links.slew.axis.1"])
+def test_a_tilt_of_the_slew_makes_another_turn_the_worst_to_either_side(path: str) -> None:
+    """Against worst poses sought anew over all turns; at one turn both sides had one slope."""
+    machine, rival, number, change = tilted(path)
+    found = slopes(machine, rival, [number])[0]
+    for way, slope in zip((1, -1), found, strict=True):
+        near, far = change(way * 1e-3), change(way * 2e-3)
+        assert slope == pytest.approx(way * (4 * near - far) / 2e-3, rel=2e-3)
+        assert slope * way < -0.04
+
+
+@pytest.mark.slow
+def test_the_exact_effect_of_a_tilt_is_that_of_the_worst_turn() -> None:
+    """In a kink, where the tilt leaves the slew without load: from one turn it was not found."""
+    machine, _, number, change = tilted("links.slew.axis.1")
+    answer = ad.sensitivity(machine, ad.Workspace.grid(machine, points=9))
+    row = answer.frame.set_index("key").loc[number.path]
+    assert row["up_exact_hz"] == pytest.approx(change(0.1), abs=1e-5)
+    assert row["down_exact_hz"] == pytest.approx(change(-0.1), abs=1e-5)
 
 
 def test_no_worst_pose_follows_a_load_that_is_none_at_all_poses() -> None:

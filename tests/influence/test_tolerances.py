@@ -258,6 +258,30 @@ def test_machines_that_no_search_near_finds_do_not_count() -> None:
     assert "nan" not in note
 
 
+def test_machines_without_a_pose_in_stroke_meet_nothing() -> None:
+    """Pins ± 600 mm: what has no pose within its stroke by itself had 0 or 11.6 Hz."""
+    wide = toleranced("patu_boom", "pin_mm = 600")
+    answer = ad.tolerances(wide, ad.Workspace.grid(wide, points=5), count=64, least=1.0)
+    without = []
+    for row, values in enumerate(answer.values):
+        stated = zip(answer.widths, values.tolist(), strict=True)
+        other = rebuilt(wide, {width.number.location: value for width, value in stated})
+        try:
+            ad.Workspace.grid(other, points=25)
+        except ad.ArmDesignError as error:
+            if "pins are" in str(error):  # apart, never within the stroke
+                without.append(row)
+    assert len(without) > 5
+    assert not answer.working[without].any()
+    lost = np.count_nonzero(~answer.working)
+    assert answer.share == np.count_nonzero(answer.frequencies >= 1.0) / 64
+    assert np.all(answer.acceptance.slacks[~answer.working, 0] == -1.0)
+    summary, _, percentiles, numbers = answer.sheets()
+    assert summary.rows[2][1].startswith(f"{lost}: no pose near those of the drawing is in stroke")
+    assert "nan" not in f"{summary.rows}{percentiles.rows}{numbers.rows}"
+    assert answer.plot().get_xlabel() == "worst frequency [Hz]"
+
+
 def test_machines_whose_worst_pose_is_out_of_stroke_are_searched_in_it() -> None:
     """Pins ± 50 mm: as their own maps have it."""
     wide = toleranced("patu_boom", "pin_mm = 50")
