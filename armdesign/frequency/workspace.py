@@ -235,8 +235,10 @@ class Workspace(ReadOnly):
             return np.ones(len(self), dtype=bool)
         if len(self) <= KEPT:
             return self.machine.holds(self.rigid, payload)
-        placements = (self.machine.arm.kinematics(self.q[rows]) for rows in chunks(len(self)))
-        return np.concatenate([self.machine.holds(rigid, payload) for rigid in placements])
+        parts = in_threads(
+            lambda rows: self.machine.holds(self.q[rows], payload), chunks(len(self))
+        )
+        return np.concatenate(list(parts))
 
 
 def _on_pitch_limits(

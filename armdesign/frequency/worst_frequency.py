@@ -211,14 +211,24 @@ def _starts(case: CasePoses, frequency: Array) -> tuple[Array, Array]:
     Not by joints that change no frequency: such poses are one. And their frequencies [Hz], of
     those of all its poses (m,).
     """
-    q, span = case.workspace.q[case.exists], np.ptp(case.workspace.ranges, axis=1)
+    some, span = lowest_rows(frequency), np.ptp(case.workspace.ranges, axis=1)
+    q = case.workspace.q[np.flatnonzero(case.exists)[some]]
     at = np.delete(q / span, list(case.machine.idle_joints), axis=1)
-    left = np.argsort(frequency)[: max(200, len(q) // 20)]
-    chosen: list[int] = []
+    left, chosen = np.arange(len(some)), list[int]()
     while len(left) > 0 and len(chosen) < STARTS:
         chosen.append(int(left[0]))
         left = left[np.abs(at[left] - at[left[0]]).max(axis=1, initial=0.0) > 0.2]
-    return q[chosen], frequency[chosen]
+    return q[chosen], frequency[some[chosen]]
+
+
+def lowest_rows(frequency: Array) -> Array:
+    """Rows of the lowest twentieth of frequencies (m,), 200 at least; the lowest first.
+
+    Of equal ones the first comes first, whatever sorts them.
+    """
+    count = min(max(200, len(frequency) // 20), len(frequency))
+    rows = np.flatnonzero(frequency <= np.partition(frequency, count - 1)[count - 1])
+    return np.asarray(rows[np.argsort(frequency[rows], kind="stable")[:count]])
 
 
 def _descend(case: CasePoses, start: Array) -> Array | None:
