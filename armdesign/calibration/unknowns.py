@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from armdesign.errors import ArmDesignError, choose
+from armdesign.machine.file.key_paths import allowed
 from armdesign.machine.file.numbers import Number, chosen_numbers
 from armdesign.machine.file.section import plain
 from armdesign.machine.machine import Machine
@@ -100,15 +101,14 @@ def _unknown(machine: Machine, path: str, prior: tuple[float, float] | None) -> 
         remedy = f"name one of its numbers, such as {chosen[0].path}"
         raise ArmDesignError(f"fit {path}", f"is a list of {len(chosen)} numbers", remedy)
     (number,) = chosen
-    high = math.nextafter(number.high, 0.0)  # the schema may exclude the end itself
     if prior is not None:
         mean, deviation = (float(x) for x in prior)
-        allowed = number.low <= mean <= high and (mean > 0 or number.low < 0)
-        if not (allowed and 0 < deviation < math.inf):
-            remedy = f"give a value in [{number.low:g}, {high:g}] and a deviation above 0"
+        possible = number.low <= mean <= number.high and (mean > 0 or number.low < 0)
+        if not (possible and 0 < deviation < math.inf):
+            remedy = f"give {allowed(number.location)} and a deviation above 0"
             raise ArmDesignError(f"prior {path}", f"{mean:g} ± {deviation:g}", remedy)
         prior = (mean, deviation)
-    return Unknown(**vars(number) | {"high": high}, prior=prior)
+    return Unknown(**vars(number), prior=prior)
 
 
 def varied(machine: Machine, changes: Mapping[str, float]) -> Machine:

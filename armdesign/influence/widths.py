@@ -48,7 +48,7 @@ class Width:
         low, high = self.value - self.half, self.value + self.half
         if self.number is None:
             return low, high
-        return max(low, self.number.low), min(high, math.nextafter(self.number.high, -math.inf))
+        return max(low, self.number.low), min(high, self.number.high)
 
     def values(self, places: Array, normal: bool) -> Array:
         """Values (n,) at places (n,) of a sequence within [0, 1)."""

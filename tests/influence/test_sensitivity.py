@@ -205,3 +205,15 @@ def test_a_step_that_other_numbers_do_not_allow_is_none() -> None:
         with pytest.raises(ad.ArmDesignError):
             machine.replace({key: number.value + number.step[0]})
         assert rows.loc[key, ["up_linear_hz", "up_exact_hz"]].isna().all(), key
+
+
+def test_no_step_goes_to_an_end_that_the_file_may_not_have() -> None:
+    """A motor that traps 1 l cannot have 1 l less: without oil it would be rigid."""
+    volumes = [f"motor.turn.trapped_volume_l.{side}" for side in "ab"]
+    hoses = [f"motor.turn.hose.{side}_l" for side in "ab"]
+    changes = dict.fromkeys(volumes, 1.0) | dict.fromkeys(hoses, 0.0)
+    machine = machines.named("rotator").replace(changes)
+    answer = ad.sensitivity(machine, ad.Workspace.grid(machine, points=3))
+    rows = answer.frame.set_index("key").loc[volumes]
+    assert np.isfinite(rows["up_exact_hz"]).all()
+    assert np.isnan(rows["down_exact_hz"]).all()

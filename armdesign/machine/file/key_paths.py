@@ -146,10 +146,14 @@ def lengths(constraints: list[Any]) -> tuple[int, int | None]:
 
 
 def bounds(location: Location) -> tuple[float, float]:
-    """Least and largest number that a key path may have."""
+    """Least and largest number that a key path may have; beside an end that it may not have."""
     limits = _limits(annotation(location)[1])
     low, high = limits.get("ge", -math.inf), limits.get("le", math.inf)
-    return limits.get("gt", low), limits.get("lt", high)
+    if "gt" in limits:
+        low = math.nextafter(limits["gt"], math.inf)
+    if "lt" in limits:
+        high = math.nextafter(limits["lt"], -math.inf)
+    return low, high
 
 
 def unit_of(location: Location) -> str:
