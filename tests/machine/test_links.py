@@ -207,6 +207,17 @@ def test_a_name_of_other_letters_is_one_fault(tmp_path: Path) -> None:
     assert fault.remedy.startswith("start with a letter a to z, then letters a to z, digits")
 
 
+@pytest.mark.parametrize(("key", "of"), [("parent", "boom"), ("joint", "stick")])
+def test_a_wrong_name_is_one_fault(key: str, of: str, tmp_path: Path) -> None:
+    """A link whose parent is no name is a joint all the same, which poses may name."""
+    text = PLAIN.replace("[links.stick]", '[links.stick]\njoint = "stick"')
+    head, section, rest = text.partition(f"[links.{of}]\n")
+    wrong = re.sub(f"{key} = .*", f"{key} = 0", rest, count=1)
+    (tmp_path / "arm.toml").write_text(head + section + wrong, encoding="utf-8")
+    (fault,) = faults(tmp_path / "arm.toml")
+    assert str(fault).startswith(f"arm.toml: links.{of}.{key}: 0 is not allowed; give a text")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

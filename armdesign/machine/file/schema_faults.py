@@ -125,7 +125,10 @@ STAND_IN = "stand_in"  # a name that no file gives: faults that speak of it are 
 
 
 def mend(data: Any, location: Location) -> None:
-    """Take out what is wrong at a key path, or put a stand-in where something is needed."""
+    """Take out what is wrong at a key path, or put a stand-in where something is needed.
+
+    A name is needed where one is written: a link without parent would be a root, not a joint.
+    """
     node = data
     try:
         for key in location[:-1]:
@@ -138,7 +141,7 @@ def mend(data: Any, location: Location) -> None:
     if isinstance(node, list):
         if leaf < len(node):
             node[leaf] = _stand_in(location)
-    elif leaf in fields and fields[leaf].is_required():
+    elif leaf in fields and (fields[leaf].is_required() or annotation(location)[0] is str):
         node[leaf] = _stand_in(location)
     else:
         node.pop(leaf, None)
