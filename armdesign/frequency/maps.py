@@ -114,7 +114,7 @@ class FrequencyMap(ReadOnly):
     def limiting_shares(self) -> pd.Series[float]:
         """Share of joint space that each actuator or spring limits, over all load cases.
 
-        They sum to one. Where a spring limits, no cylinder can help.
+        They sum to one. Where a spring limits, cylinders yield less.
         """
         import pandas as pd
 

@@ -135,7 +135,7 @@ def energy_shares(poses: Poses, modes: Modes) -> Array:
     """Share of each actuator and spring in their energy in each mode (n, k modes, nc + ns).
 
     The energy of actuator i is k_i (r_i·v)², of spring j κ_j z_j². What has the largest share in
-    the lowest mode limits the pose: where it is a spring, no cylinder can help.
+    the lowest mode limits the pose: where it is a spring, every cylinder yields less.
     """
     energy = poses.oil_stiffness[:, :, None] * product(poses.moment_arms, modes.shapes) ** 2
     yielding = modes.shapes[:, poses.q.shape[1] :]

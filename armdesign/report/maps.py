@@ -150,7 +150,7 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
     rows += [(name, _limiting_share(frequencies, name), "–", "–") for name in springs]
     note = "share of poses that the cylinder limits, and medians over them; 1.00 would be exact"
     if springs:
-        note += f"; where the spring {' or '.join(springs)} limits, no cylinder can help"
+        note += f"; where the spring {' or '.join(springs)} limits, cylinders yield less"
     return Sheet(
         title="Limiting cylinders, and simpler formulas there",
         columns=("cylinder", "limits", "locked / coupled", "rigid load / coupled"),

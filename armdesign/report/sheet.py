@@ -54,10 +54,10 @@ def worst_pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP)
 
 def limiting_note(machine: Machine, limiting: str) -> str:
     """Note that a spring or motor limits; empty where ``limiting`` is a cylinder."""
-    if limiting in [motor.name for motor in machine.motors]:
-        return f"the {limiting} motor limits there, which no search changes"
-    springs = [spring.name for spring in machine.springs]
-    return f"the {limiting} limits there, no cylinder can help" if limiting in springs else ""
+    for kind, parts in (("motor", machine.motors), ("spring", machine.springs)):
+        if limiting in [part.name for part in parts]:
+            return f"the {limiting} {kind} limits there, which no search changes"
+    return ""
 
 
 def dimensions(cylinder: Cylinder, units: Units) -> tuple[str, ...]:

@@ -147,6 +147,9 @@ class Check(Requirement):
         return cls(**evaluation.identity, value=value, slack=float(slack[worst]))
 
 
+BESIDES = -1  # part of what is in no conflict and gives none the less
+
+
 @dataclass(frozen=True, kw_only=True)
 class Concession(Requirement):
     """Amount by which one requirement of a conflict must be relaxed, in its unit.
@@ -159,7 +162,8 @@ class Concession(Requirement):
         alone: amount that is enough if no other of its part is relaxed; None where that does not
             help.
         part: number of the conflict that it belongs to, of several without a common requirement;
-            each of them must be relaxed.
+            each of them must be relaxed. ``BESIDES`` where it belongs to none, and gives because
+            no design was found with what these give.
         value: of the setting that relaxes it by ``together``, in the key's unit, as a factor for
             speeds; None where it is not relaxed. ``Requirements.granting`` makes requirements of
             the values of a conflict.

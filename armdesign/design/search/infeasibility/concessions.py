@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from armdesign.design.requirements.record import Concession, Requirement
+from armdesign.design.requirements.record import BESIDES, Concession, Requirement
 from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import InfeasibleError
 from armdesign.machine.file.key_paths import bounds
@@ -112,7 +112,8 @@ def conflict_error(
         least: whether no smaller amounts are enough.
     """
     parts = [
-        [c for c in conflict if c.part == part] for part in dict.fromkeys(c.part for c in conflict)
+        [c for c in conflict if c.part == part]
+        for part in dict.fromkeys(c.part for c in conflict if c.part != BESIDES)
     ]
     if len(conflict) == 1:
         by = "by at least" if least else "by"
@@ -123,6 +124,9 @@ def conflict_error(
     more = "" if settled else "; others conflict besides"
     if left:
         more = f"; when all before was granted, {', '.join(left)} conflicted still"
+    if besides := [c.name for c in conflict if c.part == BESIDES]:
+        give = "gives" if len(besides) == 1 else "give"
+        more = f"; as these alone gave no design, {_listed(besides)} {give} besides{more}"
     settings, options = _settings(conflict), _options(conflict)
     below = len(options) > IN_LINE and not amount
     if below:
@@ -212,9 +216,12 @@ def _single(c: Concession, conflict: Sequence[Concession]) -> bool:
 def _together(names: Sequence[str]) -> str:
     """Names of requirements that conflict, in words."""
     first, *others = names
-    *several, last = others or [""]
-    listed = f"{', '.join(several)} and {last}" if several else last
-    return f"{first} together with {listed}" if others else first
+    return f"{first} together with {_listed(others)}" if others else first
+
+
+def _listed(names: Sequence[str]) -> str:
+    *several, last = names
+    return f"{', '.join(several)} and {last}" if several else last
 
 
 def _values(conflict: Sequence[Concession]) -> dict[str, str]:

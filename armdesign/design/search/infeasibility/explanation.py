@@ -17,7 +17,7 @@ from armdesign.arrays import Array
 from armdesign.design.catalogue.sizes import FINE as FINE_GRID
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
-from armdesign.design.requirements.record import Concession, Evaluation, Requirement
+from armdesign.design.requirements.record import BESIDES, Concession, Evaluation, Requirement
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.concessions import (
     OTHER_SIZES,
@@ -103,8 +103,8 @@ def _all_together(
         for requirements in (problem.requirements, granted)
     )
     joined: dict[str, Concession] = {}
+    parts = _joined_parts(refusals)
     for refusal in refusals:
-        parts = len({c.part for c in joined.values()})
         for c in refusal.conflict:
             known, old = joined.get(c.name), before.get(c.name, c)
             value = known.value if known else None  # a later refusal may ask for no more of it
@@ -117,10 +117,26 @@ def _all_together(
                 **old.identity,
                 together=old.limit * (1 / value - 1) if c.inverse and value else changed,
                 alone=None,
-                part=known.part if known else parts + c.part,
+                part=parts[c.name],
                 value=value,
             )
-    return tuple(joined.values())
+    return tuple(sorted(joined.values(), key=lambda c: (c.part == BESIDES, c.part)))
+
+
+def _joined_parts(refusals: Sequence[InfeasibleError]) -> dict[str, int]:
+    """Part of each requirement of several refusals: conflicts with a common one are one."""
+    joined: list[set[str]] = []
+    besides: dict[str, int] = {}
+    for refusal in refusals:
+        for part in dict.fromkeys(c.part for c in refusal.conflict):
+            names = {c.name for c in refusal.conflict if c.part == part}
+            if part == BESIDES:
+                besides |= dict.fromkeys(names, BESIDES)
+                continue
+            common = [one for one in joined if one & names]
+            joined = [one for one in joined if not one & names]
+            joined.append(names.union(*common))
+    return besides | {name: k for k, names in enumerate(joined) for name in names}
 
 
 def require_feasible(search: Search) -> Search:
@@ -163,10 +179,11 @@ class Conflict:
 
     Attributes:
         search: near which requirements conflict.
-        subsets: names of the requirements of each conflict, and of what else has to give.
+        subsets: names of the requirements of each conflict, and of what gives besides.
         relaxation: of these, with which a design is found; None if there is none.
         among: the search for it.
         by_sizes: whether they conflict only with sizes that were chosen from a catalogue.
+        conflicting: how many of the subsets are conflicts, the first; the rest gives besides.
     """
 
     search: Search
@@ -174,6 +191,7 @@ class Conflict:
     relaxation: Relaxation | None
     among: ConflictSearch
     by_sizes: bool
+    conflicting: int
 
     @classmethod
     def near(cls, search: Search, share: float | None = None, roughly: bool = False) -> Conflict:
@@ -184,11 +202,11 @@ class Conflict:
         among = _among(search, share)
         subsets = among.disjoint_subsets()
         if not subsets:
-            return cls(search, (), None, among, bool(search.problem.sizes))
-        by_sizes = bool(search.problem.sizes)
+            return cls(search, (), None, among, bool(search.problem.sizes), 0)
+        by_sizes, count = bool(search.problem.sizes), len(subsets)
         if roughly and (known := among.least_relaxation(subsets, among.x, False, ROUGH)):
-            return cls(search, subsets, known, among, by_sizes)
-        return cls(search, *_relaxed(among, subsets), among, by_sizes)
+            return cls(search, subsets, known, among, by_sizes, count)
+        return cls(search, *_relaxed(among, subsets), among, by_sizes, count)
 
     def with_sizes(self, search: Search) -> Conflict:
         """The same conflict, relaxed so far that a search with sizes of a catalogue is allowed."""
@@ -221,6 +239,10 @@ class Conflict:
             alone = {} if search.problem.sizes else self._alone(by_name, together, x)
             near = x if drawn else None
             given, enough = _sufficient(search, self.subsets, by_name, together, alone, near)
+            given = tuple(
+                c if c.part < self.conflicting else replace(c, part=BESIDES, alone=None)
+                for c in given
+            )
         none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
         otherwise = OTHER_SIZES if self.by_sizes else ""
         settled = self.relaxation is not None

@@ -16,7 +16,7 @@ from armdesign import Machine, Requirements
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check, cylinder_mass
 from armdesign.design.requirements.holding import Lift
-from armdesign.design.requirements.record import Concession
+from armdesign.design.requirements.record import BESIDES, Concession
 from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.infeasibility.concessions import conflict_error
 from armdesign.design.search.infeasibility.explanation import GRANTS, design_or_proof
@@ -289,3 +289,57 @@ def test_granting_a_little_less_than_one_alone_must_give_does_not() -> None:
     share = 0.9 * (1 + thrust.alone / thrust.limit)
     allowed("single", ("areas",), **TWO | {"thrust_share": share})
     refused("single", ("areas",), **TWO | {"thrust_share": share - 1e-4})
+
+
+def test_what_gives_besides_is_said_to_be_in_no_conflict() -> None:
+    """At a supply that bears a load of 1.3 of what it can hold, today's machine meets all other
+    requirements, so that none of them conflict without it. Less than all of its oil and thrust
+    cannot give enough, as no share of holding above 1 is allowed.
+    """
+    machine, space = MACHINES["single"](), workspace_of("single")
+    today = {c.name: c for c in check(machine, machine, space, Requirements.of(machine))}
+    supply = machine.supply.pressure * today["holding.lift"].value / 1.3
+    weak = machine.replace({"supply.pressure_bar": supply / 1e5})
+    missed = [c.name for c in check(weak, weak, space, Requirements.of(weak)) if c.slack < 0]
+    assert missed == ["holding.lift"]
+    with pytest.raises(InfeasibleError, match=r"as these alone gave no design, oil") as error:
+        ad.optimize(weak, space, None, ("areas",))
+    parts = {c.name: c.part for c in error.value.conflict}
+    in_conflict = {name for name, part in parts.items() if part != BESIDES}
+    assert "holding.lift" in in_conflict
+    assert {parts[name] for name in in_conflict} == {0}
+    assert {"oil.cap.total", "oil.cap.lift"} <= set(parts) - in_conflict
+    assert ", nor" not in str(error.value)
+    granted = Requirements.of(weak).granting(error.value.conflict)
+    ad.optimize(weak, space, granted, ("areas",))
+
+
+def test_conflicts_with_a_common_requirement_are_one() -> None:
+    """A later refusal may conflict with what an earlier one names: by itself the rest of it may
+    not.
+    """
+    problem = problem_of("single", ("areas",))
+    checks = check(problem.machine, problem.machine, problem.workspace, problem.requirements)
+    known = {c.name: c for c in checks}
+    asked = [{"thrust.lift": 0, "buckling.lift": 0, "oil.cap.lift": BESIDES},
+             {"buckling.lift": 0, "oil.cap.total": 0}, {"holding.lift": 0}]  # fmt: skip
+
+    def design(problem: Problem, any_will_do: bool) -> str:
+        if not asked:
+            return "a design"
+        conflict = []
+        for name, part in asked.pop(0).items():
+            c = known[name]
+            value = problem.requirements.setting(c.setting) * (0.99 if c.at_least else 1.01)
+            amount = 0.01 * c.limit
+            conflict.append(
+                Concession(**c.identity, together=amount, alone=None, part=part, value=value)
+            )
+        raise conflict_error("odd", conflict)
+
+    with pytest.raises(InfeasibleError) as error:
+        design_or_proof(problem, design, catalogue=False)
+    one = "thrust.lift together with buckling.lift and oil.cap.total"
+    assert f"no design meets {one}, nor holding.lift; as these" in str(error.value)
+    assert "these alone gave no design, oil.cap.lift gives besides; relax" in str(error.value)
+    assert [c.part for c in error.value.conflict] == [0, 0, 0, 1, BESIDES]
