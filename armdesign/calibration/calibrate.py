@@ -87,10 +87,9 @@ class Calibration(ReadOnly):
             return None
         k = self.fit.problem.unknowns.index(one)
         u, (below, above) = float(self.fit.u[k]), self.fit.ends[k]
-        value, deviation = one.number(u), float(self.fit.deviations[k])
-        size = value if one.positive else one.size
-        ends = one.number(u - below), one.number(u + above)
-        return dict(zip(KEYS, (value, size * deviation, *ends), strict=True))
+        value, low, high = (one.number(x) for x in (u, u - below, u + above))
+        deviation = max(value - low, high - value) / self.fit.quantile
+        return dict(zip(KEYS, (value, deviation, low, high), strict=True))
 
     @cached_property
     def correlations(self) -> pd.DataFrame:
@@ -101,7 +100,10 @@ class Calibration(ReadOnly):
             return pd.DataFrame()
         names = [one.path for one in self.fit.problem.unknowns]
         sizes = self.fit.curvature
-        return pd.DataFrame(self.fit.covariance / np.outer(sizes, sizes), names, names)
+        with np.errstate(invalid="ignore"):  # nothing depends on it at the best fit
+            table = np.nan_to_num(self.fit.covariance / np.outer(sizes, sizes))
+        np.fill_diagonal(table, 1.0)
+        return pd.DataFrame(table, names, names)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -249,7 +251,8 @@ def _rows(table: pd.DataFrame) -> list[dict[str, Any]]:
 def _rounded(fit: Fit) -> dict[str, float]:
     """Values by key path, each with the digits that its deviation leaves it and one more."""
     changes = {}
-    for one, u, sigma in zip(fit.problem.unknowns, fit.u, fit.curvature, strict=True):
+    deviations = np.minimum(fit.curvature, 1.0)
+    for one, u, sigma in zip(fit.problem.unknowns, fit.u, deviations, strict=True):
         value = one.number(float(u))
         size = float(sigma) * (value if one.positive else one.size)
         changes[one.path] = round(value, DIGITS - 1 - math.floor(math.log10(size)))

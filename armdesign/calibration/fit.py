@@ -10,9 +10,10 @@ to where χ², with the others found again, has risen by (quantile · scale)²: 
 It is sought outwards from where the curvature has it, and its farther end tells the deviation.
 
 An unknown whose relative deviation exceeds ``LOOSE`` is not determined: it is held at the file's
-value, the least certain one first, and the others are found again. What bends so is held only if
-its profile has the file's value in the interval: a value that the measurements refute is no
-better than a vague one. What is said of the others is so if what is held is right.
+value, the least certain one first, and the others are found again. It is held only if its profile
+has the file's value in the interval: a value that the measurements refute, as a compliance of a
+machine that is stiff, is no better than a vague one, and it would bend the others. What is said of
+these is so if what is held is right.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.calibration.prediction import Predictor, measured_loads
 from armdesign.calibration.unknowns import Unknown, varied
 from armdesign.errors import ArmDesignError
@@ -39,6 +40,7 @@ SLOWEST = 1e-6  # [Hz] stands for an unstable pose in logarithms
 REFUSED = 1e3  # residual of a trial that no machine can be
 FARTHEST = 4.0  # relative standard deviation beyond which none is sought
 AGREES = 0.9  # of an interval that χ² confirms: where the curvature has its end to a tenth
+APART = 0.25  # of u, within which χ² is taken to rise evenly to an interval's end
 LEFT_OUT_STEPS = 3  # Gauss-Newton steps from the fit of all to that without one
 
 
@@ -185,19 +187,29 @@ class Fit:
 
         By the curvature if that suffices to tell that an unknown is not determined.
         """
-        if self.curvature.max() > LOOSE:
+        if self._vague.any():
             return self.curvature
         return np.asarray(self.ends.max(axis=1) / self.quantile)
 
     @cached_property
-    def loose(self) -> Array:
+    def loose(self) -> Flags:
         """Which unknowns are not determined (k,)."""
-        wide = self.deviations > LOOSE
-        if self.curvature.max() <= LOOSE:
-            for k in map(int, np.flatnonzero(wide)):
-                one = self.problem.unknowns[k]
-                wide[k] = self._share(k, one.coordinate(one.value)) <= 1
-        return wide
+        return self._vague if self._vague.any() else self._held(self.deviations)
+
+    @cached_property
+    def _vague(self) -> Flags:
+        return self._held(self.curvature)
+
+    def _held(self, deviations: Array) -> Flags:
+        """Which unknowns have too large deviations (k,), and the file's value in the interval."""
+        held = deviations > LOOSE
+        for k in map(int, np.flatnonzero(held)):
+            held[k] = self._share(k, self._of_file(k)) <= 1
+        return held
+
+    def _of_file(self, k: int) -> float:
+        one = self.problem.unknowns[k]
+        return one.coordinate(one.value)
 
     @cached_property
     def ends(self) -> Array:
@@ -205,11 +217,15 @@ class Fit:
         return np.array([[self._end(k, side) for side in (-1, 1)] for k in range(len(self.u))])
 
     def _end(self, k: int, side: int) -> float:
-        """Distance of an interval's end from u; ``FARTHEST`` deviations, if it is beyond."""
+        """Distance of an interval's end from u; ``FARTHEST`` deviations, if it is beyond.
+
+        Beyond the file's value, too, as χ² may rise near to that alone.
+        """
         room = abs(self.problem.limits[max(side, 0), k] - self.u[k])
-        farthest = min(self.quantile * FARTHEST, room)
+        to_file = side * (self._of_file(k) - self.u[k])
+        farthest = min(max(self.quantile * FARTHEST, to_file), room)
         near, near_share = 0.0, 0.0
-        far = min(self.quantile * self.curvature[k], farthest)
+        far = min(self.quantile * min(self.curvature[k], LOOSE), farthest)
         share = self._share(k, self.u[k] + side * far)
         if share >= AGREES:
             return float(far)
@@ -219,6 +235,13 @@ class Fit:
             share = self._share(k, self.u[k] + side * far)
         if share < 1:
             return float(far)
+        while far - near > APART:
+            middle = (near + far) / 2
+            at_middle = self._share(k, self.u[k] + side * middle)
+            if at_middle < 1:
+                near, near_share = middle, at_middle
+            else:
+                far, share = middle, at_middle
         return float(near + (far - near) * (1 - near_share) / (share - near_share))
 
     def _share(self, k: int, x: float) -> float:
@@ -297,19 +320,20 @@ def determined(problem: LeastSquares) -> tuple[Fit, Fit | None, dict[str, float]
 def left_out(fit: Fit) -> Array:
     """Relative errors (n,) of the frequencies, each predicted by a fit without its measurement.
 
-    NaN where none is measured, or the rest does not suffice.
+    Unknowns that χ² hardly depends on stay as they are. NaN where none is measured, or the rest
+    does not suffice.
     """
-    problem = fit.problem
+    problem, free = fit.problem, fit.curvature <= LOOSE
     measured, rows = problem.predictor.measured, problem.rows
     errors = np.full(len(measured), np.nan)
     for n in np.flatnonzero(np.isfinite(measured.frequencies)):
-        others, u = rows != n, fit.u
-        slopes = fit.jacobian[others]
-        if np.linalg.matrix_rank(slopes) < len(u):
+        others, u = rows != n, fit.u.copy()
+        slopes = fit.jacobian[np.ix_(others, free)]
+        if np.linalg.matrix_rank(slopes) < np.count_nonzero(free):
             continue
         for _ in range(LEFT_OUT_STEPS):
             change = np.linalg.lstsq(slopes, problem.residuals(u)[others], rcond=None)[0]
-            u = np.clip(u - change, *problem.limits)
+            u[free] = np.clip(u[free] - change, *problem.limits[:, free])
         at_rest = problem.predictor(problem.at(u)).frequencies[n]
         errors[n] = at_rest / measured.frequencies[n] - 1
     return errors

@@ -15,7 +15,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.frequency.modes import lowest_frequency
-from armdesign.influence.ends import Ends, all_ends
+from armdesign.influence.ends import Ends, all_ends, endless
 from armdesign.influence.family import Family
 
 FIRST, LAST = 0.02, 2e-5  # steps, over the joint's range
@@ -33,7 +33,8 @@ def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
     """
     search = _Compass(family, replace(ends, ends=all_ends(ends.machine)))
     best_q = ends.follow(family, q)
-    best_q = np.clip(best_q, *ends.machine.arm.limits.T)
+    limits = np.where(endless(ends.machine), [[-np.inf], [np.inf]], ends.machine.arm.limits.T)
+    best_q = np.clip(best_q, *limits)
     best = search.frequencies(best_q, np.arange(family.count))
     start = np.broadcast_to(q, best_q.shape)
     other = search.frequencies(start, np.arange(family.count))

@@ -230,13 +230,20 @@ def _loads(machine: Machine, poses: Poses) -> Array:
     return np.stack(loads, axis=1)
 
 
+def endless(machine: Machine) -> Flags:
+    """Joints with a whole turn (nq,): what lies beyond their limits is a pose within them."""
+    revolute = np.array([joint.revolute for joint in machine.arm.joints])
+    return revolute & (np.ptp(machine.arm.limits, axis=1) >= 2 * np.pi - REACHED)
+
+
 def all_ends(machine: Machine) -> tuple[End, ...]:
     """Every end that a pose may touch and not go beyond."""
     ends = []
     for i, cylinder in enumerate(machine.cylinders):
         for upper, words in ((False, "in"), (True, "out")):
             ends.append(End("stroke", i, upper, f"{cylinder.name} {words}"))
-    for j, joint in enumerate(machine.arm.joints):
+    for j in np.flatnonzero(~endless(machine)).tolist():
+        joint = machine.arm.joints[j]
         for upper, words in ((False, "lower"), (True, "upper")):
             ends.append(End("joint", j, upper, f"{words} limit of {joint.name}"))
     if machine.payload.limits:

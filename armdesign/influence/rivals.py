@@ -13,7 +13,7 @@ from armdesign.frequency.modes import lowest_frequency, natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import WorstPose, local_minima, worst_pose
 from armdesign.influence.compass_search import lowest_near
-from armdesign.influence.ends import REACHED, Ends, all_ends, ends_at
+from armdesign.influence.ends import REACHED, Ends, all_ends, endless, ends_at
 from armdesign.influence.family import Family
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -135,10 +135,12 @@ def _apart(
     workspace: Workspace, minima: list[tuple[CasePoses, Array, float]]
 ) -> list[tuple[CasePoses, Array, float]]:
     """Minima of which no two are one, the lower kept."""
-    span, idle = np.ptp(workspace.ranges, axis=1), list(workspace.machine.idle_joints)
+    machine, span = workspace.machine, np.ptp(workspace.ranges, axis=1)
+    idle, turns = list(machine.idle_joints), 2 * np.pi * endless(machine)
     kept: list[tuple[CasePoses, Array, float]] = []
     for case, q, value in minima:
-        away = (np.abs(q - other) / span for one, other, _ in kept if one is case)
+        apart = (np.abs(q - other) for one, other, _ in kept if one is case)
+        away = (np.minimum(by, np.abs(turns - by)) / span for by in apart)
         if all(np.delete(distance, idle).max(initial=0.0) > APART for distance in away):
             kept.append((case, q, value))
     return kept

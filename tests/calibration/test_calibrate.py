@@ -245,3 +245,16 @@ def test_its_file_tells_where_values_are_from(tmp_path: Path) -> None:
     saved = tomllib.loads(text)
     assert saved["name"] == "loader_crane_calibrated"
     assert ad.load(path).fluid == calibration.machine.fluid
+
+
+def test_a_compliance_that_the_measurements_refute_does_not_bend_the_others() -> None:
+    """A stiff machine, whose file says that it yields: held at that, nothing was determined."""
+    truth = crane().replace({BETA: 1050.0})
+    found = ad.calibrate(
+        truth.replace({LIFT: 4e-8}), measurements(truth, poses(), 0.005), [BETA, LIFT]
+    )
+    assert found.values.loc[BETA, "low"] < 1050 < found.values.loc[BETA, "high"]
+    assert found.values.loc[BETA, "deviation"] < 20
+    assert found.values.loc[LIFT, "high"] < 1e-8
+    assert np.isfinite(found.correlations.to_numpy()).all()
+    assert found.frame["left_out_error"].abs().max() < 0.02

@@ -85,3 +85,16 @@ def test_a_refuted_value_is_not_held(file_value: float, held: bool) -> None:
     """The interval 0.12 … 1.88 is too wide; values in it are held, 5 is 8.9 deviations off."""
     fit, _ = found(file_value * BEST, linear(0.45))
     assert (fit is None) is held
+
+
+def test_a_refuted_value_is_not_held_though_none_is_the_best() -> None:
+    """What is best at none, as a compliance of a stiff machine, has an upper end alone.
+
+    χ² = (value/deviation)² has no curvature in logarithms where the value is next to none, and
+    has risen by 1.96² at 1.96 deviations, far from there.
+    """
+    fit, _ = found(5 * BEST, lambda value: value / 0.1)
+    assert fit is not None
+    assert not fit.loose.any()
+    assert math.exp(fit.u[0]) < 1e-4 * BEST
+    assert math.exp(fit.u[0] + fit.ends[0, 1]) / BEST == pytest.approx(NORMAL * 0.1, rel=0.02)

@@ -204,6 +204,26 @@ def test_the_exact_effect_of_a_tilt_is_that_of_the_worst_turn() -> None:
     assert row["down_exact_hz"] == pytest.approx(change(-0.1), abs=1e-5)
 
 
+@pytest.mark.parametrize("tilt", [-4, 4])
+def test_the_ends_of_a_whole_turn_hold_no_pose(tilt: float) -> None:
+    """A tilted slew, whose worst turn is 180°, in a kink: a tilt across turns the pose alone.
+
+    By symmetry the slope is 0; held at 180° it was another, of the same pose at −180°, too.
+    """
+    text = SLEWING.replace("axis = [0, 0, 1]", f"axis = [0, 0, 1]\nturn_deg = [0, {tilt}, 0]")
+    machine = ad.Machine.from_text(text, "", Path("slewing.toml"))
+    found = rivals(machine, ad.Workspace.grid(machine, points=9))
+    numbers = [numbers_of(machine.section)["links.slew.turn_deg.0"]]
+    for rival in found:
+        assert not any("slew" in end.words for end in rival.ends.ends if end.kind == "joint")
+        if any(end.kind == "load" for end in rival.ends.ends):
+            assert slopes(machine, rival, numbers) == pytest.approx(np.zeros((1, 2)), abs=1e-6)
+    for k, rival in enumerate(found):
+        for other in found[:k]:
+            apart = rival.pose.q - other.pose.q
+            assert np.abs([np.sin(apart[0] / 2), apart[1]]).max() > 1e-3
+
+
 def test_no_worst_pose_follows_a_load_that_is_none_at_all_poses() -> None:
     """On a level slide a barrel alone, a little inclined, loads its cylinder: 1e-6 of its thrust.
     By that as a kink the barrel's mass had a slope 0.8 % off, and poses left their ranges.
