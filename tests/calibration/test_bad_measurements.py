@@ -100,7 +100,7 @@ OPTIONS = {
     ("--fit", BETA, "--prior", "fluid"): '--prior: "fluid" is not understood; give PATH=VALUE:',
     ("--fit", BETA, "--prior", f"{AIR}=1:1"): f"prior {AIR}: is not fitted",
     ("--fit", BETA, "--prior", f"{BETA}=1:1,{BETA}=2:1"): f"--prior: {BETA} is there twice",
-    ("--fit", BETA, "--prior", f"{BETA}=1200:0"): "1200 ± 0; give a number in (0, 10000] MPa and a",
+    ("--fit", BETA, "--prior", f"{BETA}=1200:0"): "1200 ± 0; give a number in (0, 10000] MPa",
 }
 
 
