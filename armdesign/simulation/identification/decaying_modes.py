@@ -8,7 +8,8 @@ where N b stands for a mode nearby that is too weak or too damped to be told apa
 are its filtered powers, b is random with a known standard deviation. A trend, a polynomial of
 time of which nothing is known, is projected out. Both sides are filtered and whitened so; then the
 modes are what least squares give. Beside a trend, what is slower than two periods within the
-record, or has more than OVERDAMPED of damping, is part of the trend.
+record, or has more than OVERDAMPED of damping, is part of the trend; without one, what turns by
+less than a tenth of a period is an offset.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ LARGEST_STEP = 0.2  # of λ in a round, relative
 OCCAM = 0.25
 NO_TREND = -1  # degree
 LEAST_PERIODS, OVERDAMPED = 2.0, 0.7  # of what rings about a trend
+LEAST_PART = 0.1  # of a period of what rings about zero, else it is an offset
 AROUND = np.arange(-6, 7)  # lines of the spectrum about a mode that tell its noise
 FREE = 0.5  # share of a sine that a fit leaves
 NO_ROOTS = np.zeros(0, dtype=complex)
@@ -130,11 +132,11 @@ class ModeFit:
     @cached_property
     def rings(self) -> Flags:
         """Which modes are no part of the trend (m,)."""
+        turns = 2 * math.pi / len(self.residual)
         if self.noise.trend_degree < 0:
-            return np.ones(len(self.roots), dtype=bool)
-        slowest = 2 * math.pi * LEAST_PERIODS / len(self.residual)
+            return np.asarray(np.abs(self.roots) > LEAST_PART * turns)
         damped = -self.roots.real > OVERDAMPED * np.abs(self.roots)
-        return np.asarray((self.roots.imag > slowest) & ~damped)
+        return np.asarray((self.roots.imag > LEAST_PERIODS * turns) & ~damped)
 
     @cached_property
     def shares(self) -> Array:

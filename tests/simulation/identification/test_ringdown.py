@@ -11,6 +11,7 @@ import armdesign as ad
 from armdesign import identify_ringdown
 from armdesign.errors import SimulationError
 from armdesign.simulation.experiment import Experiment
+from armdesign.simulation.identification.decaying_modes import Noise, fit_modes
 from armdesign.simulation.linearization import linearize
 from armdesign.simulation.run import Simulation
 from armdesign.simulation.simulate import simulate
@@ -86,8 +87,21 @@ def test_faults_of_decays() -> None:
         identify_ringdown(time, 0 * time)
     with pytest.raises(SimulationError, match="7 records are too few"):
         identify_ringdown(time[:7], time[:7])
-    with pytest.raises(SimulationError, match="holds 0 modes, not 1"):
+    with pytest.raises(SimulationError, match="holds no mode, not 1; choose a longer"):
         identify_ringdown(time, np.exp(-time) + 0.2 * np.exp(-3 * time))
+    swing = decay(time, [(2.0, 0.01, 1.0)])
+    with pytest.raises(SimulationError, match="holds no mode, not 1; give trend=0"):
+        identify_ringdown(time, 50 + swing)
+    assert identify_ringdown(time, 50 + swing, trend=0).natural_frequencies == pytest.approx(2.0)
+
+
+def test_what_hardly_turns_is_no_mode() -> None:
+    """An offset from zero, ten times as large as what rings."""
+    time, ring, still = np.arange(800), 0.1 * (1j - 0.001), 1e-6 * (1j - 1)
+    signals = (np.exp(ring * time).real + 10)[:, None]
+    fit = fit_modes(signals, np.array([still, ring]), Noise(len(time), np.zeros(0)))
+    assert fit.rings.tolist() == [False, True]
+    assert fit.strongest(1).tolist() == [1]
 
 
 @pytest.mark.slow
