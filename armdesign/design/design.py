@@ -101,7 +101,7 @@ class Design(ReadOnly):
             that gain times today's worst frequency with the file's values.
         starts: what each start of the search reached, as ``unrounded`` [Hz], without those that
             failed: at its end, or where it was left because another was near the same optimum or
-            far better.
+            far better. None of a search for a least amount, whose starts have another one.
         failed_starts: of every start that failed why, in words.
         workspace: today's workspace.
         problem: the problem that was solved.

@@ -130,11 +130,11 @@ def least(
             search, best_sizes = least_amount.with_given_pins(sizes)
             outcome = Outcome.of(search, Starts((best_sizes.frequency,)), best_sizes)
             return Design.of(outcome, command=command)
-        search, outcomes = least_amount.under_today(starts, seed, workers)
+        search, failed = least_amount.under_today(starts, seed, workers)
         search = least_amount.search(search)
         if sizes is not None:
             search = least_amount.with_sizes(search, sizes)
-        return least_amount.rounded(search, outcomes, command)
+        return least_amount.rounded(search, failed, command)
 
     if sizes is not None:
         refuse_fixed_sizes(problem)
@@ -171,8 +171,13 @@ class LeastAmount:
     frequency: float
 
     def under_today(self, starts: int | None, seed: int, workers: int) -> tuple[Search, Starts]:
-        """The best design under today's amount, with any sizes; and what each start came to."""
-        return multistart(self._under(self.problem, self._today), starts, seed, workers)
+        """The best design under today's amount, with any sizes; and the starts that failed.
+
+        What others reach there is above all that the least amount allows.
+        """
+        under = self._under(self.problem, self._today)
+        search, outcomes = multistart(under, starts, seed, workers)
+        return search, replace(outcomes, reached=())
 
     def search(self, search: Search) -> Search:
         """The search under the smallest amount that reaches the frequency, before rounding."""
@@ -226,7 +231,7 @@ class LeastAmount:
         proved = self.problem.vector.moving_masses is None
         return search, replace(best_sizes, below=below if proved else math.inf)
 
-    def rounded(self, search: Search, outcomes: Starts, command: str) -> Design:
+    def rounded(self, search: Search, failed: Starts, command: str) -> Design:
         """The rounded design, under a little more where rounding costs too much."""
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
@@ -238,7 +243,7 @@ class LeastAmount:
                 if machine is None:  # no room to round in
                     continue
                 if machine.judged >= self.frequency:
-                    outcome = Outcome.of(near, outcomes, rounded=machine)
+                    outcome = Outcome.of(near, failed, rounded=machine)
                     return Design.of(outcome, command=command)
                 worst = max(worst, machine.judged)
         fault = f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz"

@@ -192,9 +192,8 @@ def _buildability(design: Design) -> str:
     if design.made_for != "gain" or not both:
         return ""
     built, real = (_reached(design, one) for one in (design.judged, max(design.starts)))
-    return (
-        f"; buildable {built}, in real numbers {real}: the difference is what buildability costs"
-    )
+    cost = "alike" if built == real else "the difference is what buildability costs"
+    return f"; buildable {built}, in real numbers {real}: {cost}"
 
 
 def _reached(design: Design, *frequencies: float) -> str:
