@@ -44,8 +44,11 @@ class Unknown(Number):
 
     @property
     def size(self) -> float:
-        """The change of value that counts as 1 where there is no logarithm."""
-        return max(abs(self.value), 1.0)
+        """The change of value that counts as 1 where there is no logarithm.
+
+        The value itself, but no less than its natural step, as 10 mm.
+        """
+        return max(abs(self.value), abs(self.step[0]))
 
     def coordinate(self, value: float) -> float:
         """U of a value."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.calibration.fit import LOOSE, Fit
+from armdesign.calibration.unknowns import Unknown
 from armdesign.machine.file.likely_values import USUAL
 from armdesign.units import percent, share_text
 
@@ -52,12 +53,19 @@ def findings(
         if one.path in loose:
             how = "no measurement depends on it where it fits best"
             if math.isfinite(loose[one.path]):
-                how = f"known to a factor of {math.exp(min(loose[one.path], 9.0)):.2g} at best"
+                how = f"known to {_width(one, loose[one.path])} at best"
             held = f"held at {one.value:g} {one.unit}".rstrip()
             if fit is not None:
                 held += ", and what is said of the others is so if that is right"
             sentences.append(f"{one.path} is not determined by these measurements ({how}): {held}")
     return (*sentences, *_implausible(fit), *_apart(of_all), *warnings)
+
+
+def _width(one: Unknown, deviation: float) -> str:
+    """How near an unknown with a relative deviation is known, in words."""
+    if one.positive:
+        return f"a factor of {math.exp(min(deviation, 9.0)):.2g}"
+    return f"± {deviation * one.size:.2g} {one.unit}".rstrip()
 
 
 def _implausible(fit: Fit | None) -> Iterator[str]:

@@ -65,6 +65,16 @@ def test_numbers_of_a_list_are_found_and_written(tmp_path: Path) -> None:
     )
 
 
+def test_a_coordinate_is_known_to_so_many_millimetres() -> None:
+    """The load's height of 65 mm, which frequencies with large deviations do not tell."""
+    height = "payload.full.at_mm.2"
+    table = measurements(crane(), poses())
+    table["deviation_hz"] *= 5000
+    found = ad.calibrate(crane(), table, [height, BETA])
+    (words,) = (words for words in found.findings if height in words and "held" in words)
+    assert re.search(r"\(known to ± \d+ mm at best\): held at 65 mm", words), words
+
+
 @pytest.mark.parametrize("missing", [None, np.nan, pd.NA])
 def test_what_a_table_lacks_is_blank(missing: object) -> None:
     """As in a file: the load case at work, both chambers, 1 % of the frequency."""
