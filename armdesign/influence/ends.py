@@ -231,9 +231,8 @@ def _loads(machine: Machine, poses: Poses) -> Array:
 
 
 def endless(machine: Machine) -> Flags:
-    """Joints with a whole turn (nq,): what lies beyond their limits is a pose within them."""
-    revolute = np.array([joint.revolute for joint in machine.arm.joints])
-    return revolute & (np.ptp(machine.arm.limits, axis=1) >= 2 * np.pi - REACHED)
+    """Joints that may turn all around (nq,)."""
+    return np.array([joint.endless for joint in machine.arm.joints])
 
 
 def all_ends(machine: Machine) -> tuple[End, ...]:

@@ -17,7 +17,7 @@ from armdesign.frequency.cases import CasePoses, load_cases
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.inspection.implausible_values import suspicions
-from armdesign.inspection.oddities import is_whole_turn, oddities
+from armdesign.inspection.oddities import oddities
 from armdesign.inspection.yardstick import Finding
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
@@ -99,7 +99,7 @@ class Inspection:
                     return f"{cylinder.name} in"
                 if abs(length - cylinder.open_length) < near:
                     return f"{cylinder.name} out"
-        return "one turn" if is_whole_turn(machine.arm.joints[joint]) else "joint limit"
+        return "one turn" if machine.arm.joints[joint].endless else "joint limit"
 
     def poses_of(self, cylinder: int) -> RigidPoses:
         """Poses along the range of a cylinder's joint; the workspace if it spans several."""

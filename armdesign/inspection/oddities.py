@@ -17,7 +17,6 @@ from armdesign.inspection.yardstick import Finding
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.poses import pose_text
 from armdesign.machine.tipping import centre_ahead
-from armdesign.mechanism.urdf import Joint
 from armdesign.units import Units, mm
 
 if TYPE_CHECKING:
@@ -96,7 +95,7 @@ def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
     machine, joint = inspection.machine, inspection.machine.arm.joints[j]
     low, high = machine.ranges[j]
     missing = max(low - joint.lower, joint.upper - high)
-    if not is_whole_turn(joint) and missing > RANGE_TOLERANCE[joint.unit]:
+    if not joint.endless and missing > RANGE_TOLERANCE[joint.unit]:
         allowed = units.span(joint.lower, joint.upper, joint.unit)
         covered = units.span(low, high, joint.unit)
         words = f"its limits allow {allowed}, the strokes cover only {covered}"
@@ -106,11 +105,6 @@ def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
         massive = "payload, tools and links further out alone"
         words = f"has no mass: what joint {joint.name} moves is {massive}"
         yield f"link {', '.join(sorted(links))}", words
-
-
-def is_whole_turn(joint: Joint) -> bool:
-    """Whether a joint may turn all around."""
-    return joint.revolute and joint.upper - joint.lower > 2 * np.pi - 1e-6
 
 
 def _of_load_case(inspection: Inspection, name: str, units: Units) -> Iterator[Oddity]:

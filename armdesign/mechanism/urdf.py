@@ -46,6 +46,11 @@ class Joint(ReadOnly):
         """Unit of its position: "rad" or "m"."""
         return "rad" if self.revolute else "m"
 
+    @property
+    def endless(self) -> bool:
+        """Whether it may turn all around: what lies beyond its limits is a pose within them."""
+        return self.revolute and self.upper - self.lower > 2 * math.pi - 1e-6
+
     @cached_property
     def _turning(self) -> Array:
         return turning(self.axis, self.rotation)

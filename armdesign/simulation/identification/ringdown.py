@@ -219,7 +219,7 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Mo
     fits = [one for one in fits if one.rings.sum() >= modes]
     likelihoods = [max(map(_likelihood, some), default=-math.inf) for some in (fits, fewer)]
     if not fits or likelihoods[0] < likelihoods[1] + STANDS_OUT:
-        raise _too_few(signals, modes, most, part, trend)
+        raise _too_few(signals, modes, most, part, trend, remedy)
     if not _exact(signals, fits[0]):
         likeliest = max(fits, key=_likelihood)
         if likeliest.likelihood < _without(signals, modes, trend) + STANDS_OUT:
@@ -229,17 +229,22 @@ def _answers(signals: Array, modes: int, part: str, trend: int) -> tuple[list[Mo
     return fits, of_all
 
 
-def _too_few(signals: Array, modes: int, most: int, part: str, trend: int) -> SimulationError:
-    """The error of a record in which fewer modes ring than are asked for."""
+def _too_few(
+    signals: Array, modes: int, most: int, part: str, trend: int, remedy: str
+) -> SimulationError:
+    """The error of a record in which fewer modes ring than are asked for.
+
+    ``remedy`` is what helps besides a longer window.
+    """
     if most < modes:
         fault = f"holds {most or 'no'} mode{'s' * (most > 1)}, not {modes}"
     else:
         few = "no mode rings" if modes == 1 else f"fewer than {modes} modes ring"
         fault = f"{few} in it for two periods or more"
-    remedy = "ask for fewer, or choose a longer window" if modes > 1 else "choose a longer window"
     if trend == NO_TREND and np.any(np.abs(signals.mean(axis=0)) > signals.std(axis=0)):
-        remedy = "give trend=0: what rings in it does so about another value than zero"
-    return SimulationError(part, fault, remedy)
+        about = "give trend=0: what rings in it does so about another value than zero"
+        return SimulationError(part, fault, about)
+    return SimulationError(part, fault, f"{remedy}choose a longer window")
 
 
 def _modes_before_gap(singular: Array) -> int:
