@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TypeVar
 
+T = TypeVar("T")
 SAFE_PATH = "PYTHONSAFEPATH"  # with it Python looks for no modules in the current folder
 
 
@@ -61,14 +62,20 @@ def _without(name: str) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def in_processes(tasks: Iterable[Any], workers: int, *, ordered: bool = False) -> Iterator[Any]:
-    """Results of joblib's tasks as they come, or in their order, by as many processes.
+def in_processes(
+    tasks: Iterable[Callable[[], T]], workers: int, *, ordered: bool = False
+) -> Iterator[T]:
+    """Results of tasks as they come, or in their order, by as many processes.
 
-    All of these begin before this returns.
+    All of these begin before this returns. One worker, or a single task, is this process, which
+    does each task when its result is asked for.
     """
-    from joblib import Parallel
+    some = list(tasks)
+    if workers <= 1 or len(some) < 2:
+        return (task() for task in some)
+    from joblib import Parallel, delayed
 
     kind = "generator" if ordered else "generator_unordered"
     with begun_apart():
-        results: Iterator[Any] = Parallel(workers, return_as=kind)(tasks)
+        results: Iterator[T] = Parallel(workers, return_as=kind)(delayed(task)() for task in some)
     return results

@@ -23,9 +23,9 @@ sets = [{"damping": 0.1}, {"damping": 0.2}]
 print(ad.sweep("paper_1dof", task="control", options=sets, points=2, workers=2).failures)
 """
 TASKS = """
-from joblib import delayed
+from functools import partial
 from armdesign.processes import in_processes
-print([*in_processes([delayed(abs)(-k) for k in range(3)], 2, ordered=True)])
+print([*in_processes([partial(abs, -k) for k in range(3)], 2, ordered=True)])
 """
 
 

@@ -13,7 +13,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -406,8 +406,6 @@ def _designs(
     best: Mapping[Pins, Search], sizes: Sizes | None, command: str, workers: int
 ) -> dict[Pins, Design | InfeasibleError]:
     """Design of each set's search, or why there is none."""
-    from joblib import delayed
-
     searches = [*best.values()]
     designs = form(Design, [search.problem for search in searches])
 
@@ -417,7 +415,7 @@ def _designs(
     def designs_of(numbers: list[int]) -> Iterator[tuple[int, Design | InfeasibleError]]:
         longest_first = sorted(numbers, key=lambda k: -len(searches[k].problem.vector.vary))
         some = ((k, searches[k]) for k in longest_first)
-        tasks = (delayed(_design)(k, s.problem, s.x, sizes, command) for k, s in some)
+        tasks = (partial(_design, k, s.problem, s.x, sizes, command) for k, s in some)
         yield from in_processes(tasks, workers)
 
     def write(k: int, design: Design | InfeasibleError) -> Mapping[str, Any] | None:

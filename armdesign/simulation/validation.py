@@ -27,6 +27,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -406,9 +407,7 @@ def _validations(
         if workers <= 1 or len(missing) < 2:
             yield from ((k, _swept(places[k], wanted)) for k in counted(missing, "pose"))
             return
-        from joblib import delayed
-
-        tasks = [delayed(_numbered)(k, places[k], wanted) for k in missing]
+        tasks = [partial(_numbered, k, places[k], wanted) for k in missing]
         answers = in_processes(tasks, workers)
         yield from counted(answers, "pose", len(tasks))
 

@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -195,11 +196,9 @@ def certificates_within_bands(
         return [problem, x, rows, enough[k], *(["drawn"] if drawn else [])]
 
     def compute(numbers: list[int]) -> Iterator[tuple[int, Certificate | None]]:
-        from joblib import delayed
-
         some = [(searches[k], enough[k]) for k in numbers]
         tasks = (
-            delayed(_computed_within_bands)(s.problem, s.x, s.rows, w, drawn) for s, w in some
+            partial(_computed_within_bands, s.problem, s.x, s.rows, w, drawn) for s, w in some
         )
         yield from zip(numbers, in_processes(tasks, workers, ordered=True), strict=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -222,10 +223,8 @@ def follow_all(searches: list[Search], workers: int, **settings: Any) -> list[Se
         if workers <= 1 or len(some) < 2:
             yield from ((k, follow(search, **settings)) for k, search in counted(some, "start"))
             return
-        from joblib import delayed
-
         tasks = [
-            delayed(_outcome)(k, s.problem, s.x, s.rows, s.holding, settings) for k, s in some
+            partial(_outcome, k, s.problem, s.x, s.rows, s.holding, settings) for k, s in some
         ]
         outcomes = in_processes(tasks, workers)
         for k, outcome in counted(outcomes, "start", len(tasks)):
