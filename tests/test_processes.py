@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.slow
-
 INTERRUPTED = """
 import os, signal, sys
 if any("popen_loky" in word for word in sys.orig_argv):
@@ -27,8 +25,22 @@ from functools import partial
 from armdesign.processes import in_processes
 print([*in_processes([partial(abs, -k) for k in range(3)], 2, ordered=True)])
 """
+ALONE = """
+import os, sys
+from armdesign.processes import in_processes
+for count, workers in ((3, 1), (1, 2)):
+    assert [*in_processes([os.getpid] * count, workers)] == count * [os.getpid()]
+print("joblib" in sys.modules, "multiprocessing" in sys.modules)
+"""
 
 
+def test_one_worker_begins_no_process() -> None:
+    """Two that clean up after workers began for it: a fraction of a second of every design."""
+    done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=True)
+    assert done.stdout == "False False\n"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("code", "said"), [(CASES, "{}\n"), (TASKS, "[0, 1, 2]\n")])
 def test_ctrl_c_while_a_worker_is_loaded(code: str, said: str, tmp_path: Path) -> None:
     """Python itself ended in a traceback out of its own imports, and NumPy's."""
