@@ -36,7 +36,9 @@ print("joblib" in sys.modules, "multiprocessing" in sys.modules)
 
 def test_one_worker_begins_no_process() -> None:
     """Two that clean up after workers began for it: a fraction of a second of every design."""
-    done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE], capture_output=True, text=True, check=True
+    )
     assert done.stdout == "False False\n"
 
 

@@ -12,13 +12,15 @@ from armdesign.units import WORKSHOP, Units, litre, percent
 if TYPE_CHECKING:
     from armdesign.design.design import Design
 
+MORE = 1.01  # times what was asked for: other requirements, or steps of sizes, need the amount
 NAMES = {"oil": "Oil of all cap sides", "flow": "Pump flow", "mass": "Mass of all cylinders"}
 
 
-def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
+def least_sentence(design: Design, of: str, frequency: float, units: Units = WORKSHOP) -> str:
     """The answer of ``least``: the amount today and new, and the frequency that it allows.
 
-    The worst is sought between the poses too; what was asked for counts at the poses alone.
+    The worst is sought between the poses too; what was asked for, ``frequency`` [Hz], counts at
+    the poses alone. Where they have more, less of it would not make the amount less.
     """
     before, after = amounts(design, of)
     unit = {"oil": "m³", "flow": "m³/s", "mass": "kg"}[of]
@@ -30,7 +32,10 @@ def least_sentence(design: Design, of: str, units: Units = WORKSHOP) -> str:
     today, new = (f"{frequency:.3f}" for frequency in frequencies)
     within = "" if design.made_for == "nominal" else " within the bands"
     judged = f"{design.judged:.3f}"
-    asked = f"; {LOWEST}{within}, as asked for: {judged} Hz" if within or judged != new else ""
+    asked = f"; {LOWEST}{within}: {judged} Hz" if within or judged != new else ""
+    asked += f", {frequency:.4g} Hz asked for"
+    if design.judged > MORE * frequency:
+        asked += ": not the frequency, but other requirements or steps of sizes need that much"
     return (
         f"{NAMES[of]}: {one} → {other} {units.name(unit)} ({change}); worst natural frequency"
         f" {today} → {new} Hz{asked}."
