@@ -1,6 +1,7 @@
 """Bandwidth maps: how fast position loops can be, at every pose and under every load case.
 
-Four controllers are compared at each pose. All loops of each keep the asked disk margin together:
+Four controllers are compared at each pose. Positions are measured at the joints. All loops of each
+keep the asked disk margin together:
 
 * ``proportional``: one position gain for all joints, nothing else;
 * ``individual``: a position gain of its own for each joint, nothing else;
