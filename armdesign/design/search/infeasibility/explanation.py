@@ -290,13 +290,16 @@ def _among(search: Search, share: float | None = None) -> ConflictSearch:
 def _relaxed(
     among: ConflictSearch, subsets: Subsets, near: Array | None = None
 ) -> tuple[Subsets, Relaxation | None]:
-    """The least relaxation of subsets, and of what else helps where they cannot give enough."""
+    """The least relaxation of subsets, and of what else helps where they cannot give enough.
+
+    There the sum of all shares is least, so that few give: equal shares asked for many.
+    """
     for with_places in (False, True):
         relaxation = among.least_relaxation(subsets, near, with_places)
         if relaxation is not None:
             return subsets, relaxation
     others = tuple(n for n in among.names if not any(n in names for names in subsets))
-    relaxation = among.least_relaxation([*subsets, others], near)
+    relaxation = among.least_relaxation([(name,) for name in among.names], near)
     helps = tuple(name for name in others if relaxation and relaxation.gives(name))
     return ((*subsets, helps) if helps else subsets), relaxation
 

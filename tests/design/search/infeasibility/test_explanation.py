@@ -314,6 +314,23 @@ def test_what_gives_besides_is_said_to_be_in_no_conflict() -> None:
     ad.optimize(weak, space, granted, ("areas",))
 
 
+def test_few_give_where_a_conflict_alone_cannot_give_enough() -> None:
+    """At a supply that bears a load of 1.6 of what it can hold: shares as equal as can be asked
+    for 15 and 28 % of two torques, besides.
+    """
+    machine, space = MACHINES["single"](), workspace_of("single")
+    today = {c.name: c for c in check(machine, machine, space, Requirements.of(machine))}
+    supply = machine.supply.pressure * today["holding.lift"].value / 1.6
+    weak = machine.replace({"supply.pressure_bar": supply / 1e5})
+    with pytest.raises(InfeasibleError, match="besides") as error:
+        ad.optimize(weak, space, None, starts=1)
+    given = {c.name: c.together / c.limit for c in error.value.conflict if c.together > 0}
+    assert set(given) == {"holding.lift", "thrust.lift"}
+    assert given["thrust.lift"] < 0.67 + 0.15 + 0.28
+    granted = Requirements.of(weak).granting(error.value.conflict)
+    ad.optimize(weak, space, granted, starts=1)
+
+
 def test_conflicts_with_a_common_requirement_are_one() -> None:
     """A later refusal may conflict with what an earlier one names: by itself the rest of it may
     not.
