@@ -264,14 +264,15 @@ class Tolerances(ReadOnly):
             head = (row["number"], f"{row['half_width']:.3g}")
             rows.append((*head, *cells, f"{100 * row['variance']:.1f} %"))
         hidden = len(self.widths) - len(rows)
+        dash = "; –: no pose is in stroke" if any("–" in row for row in rows) else ""
         return Sheet(
             title="What spreads the worst frequency [mHz]",
             columns=("number", "±", "linear", "low", "high", "off", "share"),
             rows=tuple(rows),
             note=(
                 "low, high: exact at either end of the width, all else as drawn; off: most off the"
-                " line, where derivatives fail; –: no pose is in stroke; share: of the linear"
-                " variance" + (f"; {hidden} more in tolerances.csv" if hidden > 0 else "")
+                f" line, where derivatives fail{dash}; share: of the linear variance"
+                + (f"; {hidden} more in tolerances.csv" if hidden > 0 else "")
             ),
         )
 

@@ -173,6 +173,7 @@ def test_tables_and_picture(answer: ad.Tolerances) -> None:
     assert "of this file: none is stated" in summary.rows[1][1]
     assert len(percentiles.rows) == 3
     assert numbers.rows[0][0] == "fluid.entrained_air_percent"
+    assert "–" not in f"{numbers.rows}{numbers.note}"  # which is explained where it stands
     assert answer.plot().get_xlabel() == "worst frequency [Hz]"
 
 
@@ -279,6 +280,7 @@ def test_machines_without_a_pose_in_stroke_meet_nothing() -> None:
     summary, _, percentiles, numbers = answer.sheets()
     assert summary.rows[2][1].startswith(f"{lost}: no pose near those of the drawing is in stroke")
     assert "nan" not in f"{summary.rows}{percentiles.rows}{numbers.rows}"
+    assert any("–" in row for row in numbers.rows) == ("–: no pose" in numbers.note)
     assert answer.plot().get_xlabel() == "worst frequency [Hz]"
 
 
