@@ -98,6 +98,8 @@ def _likely_cause(value: Any, location: Location, written: str) -> tuple[str, st
     if isinstance(value, list) and get_origin(kind) is list:
         points = list_meant(written, lengths(constraints)[1] or 0) if written else ""
         return ("decimal commas", f"write {points}") if points else ("", "")
+    if location[-1] == "catalogue" and str(value).endswith(".csv"):
+        return "", f"sizes of your own go with a command: --catalogue {_shown(value)}"
     if kind is float:
         lower, upper = bounds(location)
         plausible = is_usual_at(location) if location[-1] in USUAL else lambda x: lower < x < upper

@@ -329,6 +329,11 @@ CASES: list[tuple[str, Any, str]] = [
         0.5,
         r"end_margin: 0\.5 is not allowed; give a number in \[0, 0\.5\)",
     ),
+    (
+        "requirements.catalogue",
+        "own.csv",
+        r'"iso", "5mm"; sizes of your own go with a command: --catalogue "own\.csv"',
+    ),
     ("urdf", "..", r'urdf: "\.\." is not a file name'),
     ("name", "../up", r'name: "\.\./up" is not allowed; give a text of letters a to z, digits'),
 ]
