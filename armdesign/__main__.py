@@ -6,7 +6,7 @@ import signal
 import sys
 from pathlib import Path
 
-from armdesign.streams import replace_closed
+from armdesign.streams import keep_for_answers, replace_closed
 
 THREADS = "OPENBLAS_NUM_THREADS"  # matrices have ten to a hundred rows: more threads only wait
 COLLECTED = 500_000, 10, 10  # as ``gc.set_threshold``: a run of seconds hardly looks for cycles
@@ -19,6 +19,7 @@ def main() -> None:
     ignored. Nor are cycles looked for then: the system takes all memory back at once.
     """
     replace_closed()
+    keep_for_answers()
     gc.set_threshold(*COLLECTED)
     os.environ.setdefault(THREADS, "1")
     try:

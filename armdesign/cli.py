@@ -114,7 +114,7 @@ def optimize(
     search: AimedSearch,
     vary: VaryOption = "areas,pins",
     least: LeastOption = "",
-    frequency: FrequencyOption = 0.0,
+    frequency: FrequencyOption = None,
 ) -> None:
     """Find better cylinder sizes and pins.
 
@@ -125,7 +125,7 @@ def optimize(
     from armdesign.report.least import least_sentence
     from armdesign.sweeps.numbers import of_search
 
-    if bool(least) != bool(frequency):
+    if bool(least) != (frequency is not None):
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()

@@ -175,7 +175,7 @@ LeastOption = Annotated[
     ),
 ]
 FrequencyOption = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--frequency",
         help="Frequency in Hz that no pose of the workspace may fall below, within the bands;"

@@ -35,6 +35,25 @@ def replace_closed() -> None:
             setattr(sys, name, open(place, mode, encoding="utf-8"))  # noqa: SIM115
 
 
+def keep_for_answers() -> None:
+    """Give stdout a number of its own: at number 1 libraries in C print what is no answer.
+
+    HiGHS has such a line, which no option of SciPy turns off. It goes nowhere.
+    """
+    shared = sys.stdout
+    if not isinstance(shared, io.TextIOWrapper):
+        return
+    number = shared.fileno()
+    own = open(os.dup(number), "w", encoding=shared.encoding, errors=shared.errors)  # noqa: SIM115
+    own.reconfigure(line_buffering=shared.line_buffering, write_through=shared.write_through)
+    shared.flush()
+    sys.stdout = own
+    sys.__stdout__ = own  # type: ignore[misc]  # of which the width of a terminal is asked
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, number)
+    os.close(nowhere)
+
+
 @contextmanager
 def printing() -> Iterator[None]:
     """Within it stdout and stderr take every text; one that cannot be written is one line, code 2.

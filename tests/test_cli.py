@@ -95,6 +95,8 @@ def test_least_oil_for_a_frequency(
     for more in (["--least", "oil"], ["--frequency", "1"]):
         assert main([*words, *more], monkeypatch) == 2
         assert "--least: goes with --frequency" in capsys.readouterr().err
+    assert main([*words, "--least", "oil", "--frequency", "0"], monkeypatch) == 2
+    assert "frequency: 0 Hz is not allowed; give a number > 0" in capsys.readouterr().err
     for name, value in (("--objective", "bandwidth"), ("--damping", "0.02")):
         assert main([*words, *least, name, value], monkeypatch) == 2
         assert f"{name}: goes not with --least" in capsys.readouterr().err

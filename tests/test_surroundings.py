@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -24,6 +25,24 @@ def test_as_a_module(tmp_path: Path) -> None:
     run_of = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
     assert run_of.returncode == 0
     assert "--help" in run_of.stdout
+
+
+def test_answers_stand_alone_on_stdout(tmp_path: Path) -> None:
+    """A library in C prints there, as HiGHS does (a line of its own while it repairs a solution).
+
+    It broke the document of --json.
+    """
+    by_a_library = "import ctypes; say = ctypes.CDLL(None).printf"
+    code = f"{by_a_library}; from armdesign import cli; run = cli.main"
+    code += "; cli.main = lambda: (say(b'repaired\\n'), run(), say(b'repaired\\n'))"
+    words = ["map", "paper_1dof", "--points", "3", "--json"]
+    code += f"; import sys; sys.argv = {['armdesign', *words]}"
+    code += "; from armdesign.__main__ import main; main()"
+    finished = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert json.loads(finished.stdout)["finished"]
 
 
 LIBRARIES = "psutil", "joblib", "glob", "numpy", "runpy", "typer"  # or that they import

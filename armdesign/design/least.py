@@ -36,6 +36,7 @@ from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.infeasibility.explanation import require_feasible
+from armdesign.design.search.infeasibility.restoration import restore_feasibility
 from armdesign.design.search.multistart import Starts, formulate_with_sizes, multistart, run_to_end
 from armdesign.design.search.prices import LEAST_PRICE, marginal_prices
 from armdesign.design.search.rounding import rounded_machine
@@ -256,9 +257,12 @@ class LeastAmount:
         while _frequency(search) < self.frequency:
             if amount >= WIDEST * self._today:
                 search = require_feasible(search)
+                if _frequency(search) >= self.frequency:
+                    return search, amount / WIDEST**2
                 raise self._out_of_reach(_frequency(search), marginal_prices(search))
             low, amount = amount, min(amount * GROWTH, WIDEST * self._today)
-            search = self._search(amount, search)
+            # from a design that meets all requirements to one that does not, though it has more
+            search = restore_feasibility(self._search(amount, search))
         return search, low
 
     def _sized(self, search: Search, sizes: Sizes) -> Search:

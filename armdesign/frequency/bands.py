@@ -13,7 +13,7 @@ stiffens the oil, λ is no longer quasi-concave in the masses, and values betwee
 tried too: a sample, no proof.
 
 The gain of one machine over another has no such law: it may be least amid the bands. Designs are
-made for their corners, and judged at places spread between them too.
+made for all soft and all stiff, and judged at mixed corners and at places between them too.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ EXACT = (1.0, 1.0)
 ASSUMED = (0.0, 1.0)  # structure of a file that states none: rigid, and as soft as the oil
 # allowed, of bands that may begin at zero; a share of a new cylinder's oil may be any
 ENDS = {"air": (0.0, 0.5), "structure": (0.0, 10.0), "structures": (0.0, 100.0)}
+MASSES = ("payload", "link_mass")
+SOFT_UP = ("dead_volume", "air", "structure", "structures")  # whose upper end is the soft one
 VOLUMES = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
 F = TypeVar("F", Cylinder, Motor)
 
@@ -190,25 +192,26 @@ class Bands:
     @property
     def ends(self) -> tuple[bool, ...]:
         """The ends of oil and structure as ``softest``: soft and stiff, or one if they are one."""
-        masses = "payload", "link_mass"
-        wide = any(path not in masses and low < high for path, (low, high) in self._stated)
+        wide = any(path not in MASSES and low < high for path, (low, high) in self._stated)
         return (True, False) if wide else (True,)
 
     @property
     def between(self) -> list[Bands]:
-        """Values at places spread between the corners, each as bands of no width; Sobol's."""
+        """Values between the corners (Sobol), and with some soft and others stiff; of no width."""
         from scipy.stats import qmc
 
-        wide = list(
-            dict.fromkeys(p.split(".")[0] for p, (low, high) in self._stated if low < high)
-        )
+        wide = [*dict.fromkeys(p.split(".")[0] for p, (low, high) in self._stated if low < high)]
         if not wide:
             return []
-        places = qmc.Sobol(len(wide), scramble=False).fast_forward(1).random(BETWEEN)
-        return [
-            replace(self, **{name: _exactly(getattr(self, name), at) for name, at in pairs})
-            for pairs in (zip(wide, place.tolist(), strict=True) for place in places)
-        ]
+        sobol = qmc.Sobol(len(wide), scramble=False).fast_forward(1).random(BETWEEN).tolist()
+        springy = [(k, name in SOFT_UP) for k, name in enumerate(wide) if name not in MASSES]
+        ends = itertools.product((0.0, 1.0), repeat=len(wide))
+        mixed = [place for place in ends if len({place[k] == up for k, up in springy}) > 1]
+        exact = (
+            {name: _exactly(getattr(self, name), at) for name, at in zip(wide, place, strict=True)}
+            for place in [*sobol, *mixed]
+        )
+        return sorted((replace(self, **values) for values in exact), key=_only_masses)
 
     def corners(self, machine: Machine, ends: Sequence[bool]) -> list[Corner]:
         """All corners of the bands at some ends of oil and structure."""

@@ -228,10 +228,10 @@ def _where_it_is_least(design: Design) -> str:
     ends = _reached(design, design.judged)
     if ends == percent(design.least_gain):
         return ""
-    where = "not at their ends"
+    where = "between their ends or with some soft and others stiff"
     if percent(design.gain) == percent(design.least_gain):
         where = "at the file's values"
-    return f", {where}; at their ends {ends}"
+    return f", {where}; with all soft or all stiff {ends}"
 
 
 def _vanishing(design: Design) -> str:

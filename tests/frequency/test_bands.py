@@ -196,6 +196,31 @@ def test_places_between_the_corners_are_found_as_whole_machines_are(
     assert ad.Bands().between == []
 
 
+def test_gains_are_judged_where_some_bands_are_soft_and_others_stiff(
+    excavator: ad.Machine, workspace: ad.Workspace
+) -> None:
+    """Larger cylinders gain least on soft structure with stiff oil, at neither common end."""
+    larger = tuple(replace(c, bore=1.2 * c.bore) for c in excavator.cylinders)
+    pair = excavator, replace(excavator, cylinders=larger)
+
+    def gain(modulus: tuple[float, float], structure: tuple[float, float]) -> float:
+        bands = ad.Bands(bulk_modulus=modulus, structure=structure)
+        today, new = (
+            [
+                s.frequency
+                for s in ad.frequency_band(m, workspace, bands, today=excavator).scenarios
+            ]
+            for m in pair
+        )
+        return min(b / a for a, b in zip(today, new, strict=True)) - 1
+
+    bands = ad.Bands(bulk_modulus=(0.5, 1.2), structure=(0.0, 1.0))
+    today, new = (ad.frequency_band(m, workspace, bands, today=excavator) for m in pair)
+    mixed = gain((1.2, 1.2), (1.0, 1.0))
+    assert mixed < gain((0.5, 1.2), (0.0, 1.0)) - 0.01
+    assert new.least_gain(today) == pytest.approx(mixed, rel=1e-9)
+
+
 def test_a_new_machine_keeps_the_structure_of_todays() -> None:
     """In m/N: larger cylinders have stiffer oil, but brackets and pins are today's."""
     today = machines.named("excavator_20t")
