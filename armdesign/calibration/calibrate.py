@@ -14,7 +14,8 @@ import numpy as np
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
 from armdesign.calibration import words
-from armdesign.calibration.fit import Fit, LeastSquares, determined, left_out, refuse_too_few
+from armdesign.calibration.fit import Fit, determined, left_out
+from armdesign.calibration.least_squares import LeastSquares, refuse_too_few
 from armdesign.calibration.measured import Measured, measured_of, read_measured
 from armdesign.calibration.prediction import Prediction, Predictor, measured_loads
 from armdesign.calibration.unknowns import Unknown, unknowns_of
@@ -67,9 +68,9 @@ class Calibration(ReadOnly):
         """A row for each unknown, in the file's unit, indexed by key path.
 
         Columns ``unit``, ``before``, ``value``, ``deviation`` (standard), ``low`` and ``high``
-        (the interval that holds the truth with 95 %, if the other numbers of the file are right),
+        (the interval that holds the truth with 95 %, if what is not fitted is right in the file),
         ``determined``. What the measurements do not determine keeps the file's value, without
-        deviation.
+        deviation; the intervals of the others allow for all that it may be.
         """
         import pandas as pd
 
@@ -85,10 +86,10 @@ class Calibration(ReadOnly):
         """Value, deviation and interval of an unknown; None if it is not determined."""
         if self.fit is None or one not in self.fit.problem.unknowns:
             return None
-        k = self.fit.problem.unknowns.index(one)
-        u, (below, above) = float(self.fit.u[k]), self.fit.ends[k]
-        value, low, high = (one.number(x) for x in (u, u - below, u + above))
-        deviation = max(value - low, high - value) / self.fit.quantile
+        u = float(self.fit.u[self.fit.problem.unknowns.index(one)])
+        value, low, high = map(one.number, (u, *self.of_all.interval(self.unknowns.index(one))))
+        low, high = min(low, value), max(high, value)  # several held may have it outside
+        deviation = max(value - low, high - value) / self.of_all.quantile
         return dict(zip(KEYS, (value, deviation, low, high), strict=True))
 
     @cached_property

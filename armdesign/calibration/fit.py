@@ -1,6 +1,5 @@
-"""Weighted least squares of measurements over logarithms of unknowns, and what it determines.
+"""What measurements determine: the least squares of them, and intervals of the unknowns.
 
-The residuals are ln(f/f_measured) and load pressures over their deviations, and the priors'.
 With the Jacobian J of the weighted residuals the covariance is (JᵀJ)⁻¹, times χ²/(m − k) where
 the model misses by more than the measurements' deviations (Birge 1932).
 
@@ -8,125 +7,39 @@ That is the curvature of χ² at its least, and χ² may bend: another mode beco
 compliance no longer matters beside the oil. So the interval of an unknown reaches on either side
 to where χ², with the others found again, has risen by (quantile · scale)²: the profile likelihood.
 It is sought outwards from where the curvature has it, and its farther end tells the deviation.
+χ² may have several minima, and a profile may come into a lower one; where it bends over at an
+interval's end, one is sought beyond. The fit goes on from the lowest that was met, and profiles
+are followed anew, until they meet none. That ends, as χ² falls each time by more than ``LOWER`` of
+its rise to an interval's end, and after ``ROUNDS`` in any case.
 
 An unknown whose relative deviation exceeds ``LOOSE`` is not determined: it is held at the file's
 value, the least certain one first, and the others are found again. It is held only if its profile
 has the file's value in the interval: a value that the measurements refute, as a compliance of a
-machine that is stiff, is no better than a vague one, and it would bend the others. What is said of
-these is so if what is held is right.
+machine that is stiff, is no better than a vague one, and it would bend the others. Their values
+are the best beside what is held, but that may be wrong: their intervals are profiles of the fit of
+all, in which it varies within the schema's bounds and as its prior says.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.calibration.prediction import Predictor, measured_loads
-from armdesign.calibration.unknowns import Unknown, varied
-from armdesign.errors import ArmDesignError
-from armdesign.machine.machine import Machine
+from armdesign.calibration.least_squares import ROUGHLY, STEP, LeastSquares, least
 
 LOOSE = 0.5  # relative standard deviation of an unknown that is not determined
 CONFIDENCE = 0.95  # of the intervals
-EXACTLY, ROUGHLY = 1e-9, 1e-3  # relative tolerances of a fit, and of one for an interval
-STEP = 1e-4  # of u, for differences
-DECADES = range(-15, 4)  # in which the start of an unknown that the file says is 0 is sought
-SLOWEST = 1e-6  # [Hz] stands for an unstable pose in logarithms
-REFUSED = 1e3  # residual of a trial that no machine can be
 FARTHEST = 4.0  # relative standard deviation beyond which none is sought
 AGREES = 0.9  # of an interval that χ² confirms: where the curvature has its end to a tenth
 APART = 0.25  # of u, within which χ² is taken to rise evenly to an interval's end
+BENT = 0.5  # of a parabola's slope at an interval's end, below which χ² may fall beyond
+LOWER = 1e-3  # of the rise of χ² to an interval's end, by which another minimum is a lower one
+ROUNDS = 10  # of going on from a lower minimum
 LEFT_OUT_STEPS = 3  # Gauss-Newton steps from the fit of all to that without one
-
-
-@dataclass(frozen=True, eq=False)
-class LeastSquares:
-    """Residuals of a machine's variants.
-
-    Attributes:
-        machine: today's machine.
-        predictor: of it and the measurements.
-        unknowns: what varies (k).
-    """
-
-    machine: Machine
-    predictor: Predictor
-    unknowns: tuple[Unknown, ...]
-
-    def at(self, u: Array) -> Machine:
-        """The variant at u (k,)."""
-        changes = {one.path: one.number(float(x)) for one, x in zip(self.unknowns, u, strict=True)}
-        return varied(self.machine, changes)
-
-    @cached_property
-    def limits(self) -> Array:
-        """Least and largest u (2, k)."""
-        return np.array([one.limits for one in self.unknowns]).T
-
-    @cached_property
-    def rows(self) -> Array:
-        """The measurement that each residual belongs to (m,); −1 for priors."""
-        loads = np.nonzero(self._fitted_loads)[0]
-        own = np.flatnonzero(np.isfinite(self.predictor.measured.frequencies))
-        priors = -np.ones(sum(one.prior is not None for one in self.unknowns))
-        return np.concatenate([own, loads, priors]).astype(int)
-
-    @cached_property
-    def _fitted_loads(self) -> Array:
-        measured = self.predictor.measured
-        known = np.isfinite(measured.pressures).all(axis=2)
-        return np.asarray(known & np.isfinite(measured.pressure_deviations)[:, None])
-
-    @cached_property
-    def _load_deviations(self) -> Array:
-        """Of p1 − p2 A2/A1, both pressures with their own errors (n, nc) [Pa]."""
-        ratios = np.array([a.annulus_area / a.bore_area for a in self.machine.actuators])
-        return self.predictor.measured.pressure_deviations[:, None] * np.sqrt(1 + ratios**2)
-
-    def residuals(self, u: Array) -> Array:
-        """Weighted residuals (m,) at u (k,), large where there is no such machine."""
-        try:
-            machine = self.at(u)
-            predicted = self.predictor(machine)
-        except ArmDesignError:
-            return np.full(len(self.rows), REFUSED)
-        measured = self.predictor.measured
-        known = np.isfinite(measured.frequencies)
-        frequencies = np.maximum(predicted.frequencies[known], SLOWEST)
-        logs = np.log(frequencies / measured.frequencies[known])
-        loads = predicted.load_pressures - measured_loads(machine, measured)
-        pairs = zip(self.unknowns, u, strict=True)
-        return np.concatenate(
-            [
-                logs * measured.frequencies[known] / measured.deviations[known],
-                (loads / self._load_deviations)[self._fitted_loads],
-                [one.surprise(float(x)) for one, x in pairs if one.prior is not None],
-            ]
-        )
-
-    def jacobian(self, u: Array, free: Array | slice = slice(None)) -> Array:
-        """Derivatives of the residuals by u, or some of it, (m, k), by central differences."""
-        columns = []
-        for step in STEP * np.eye(len(u))[free]:
-            columns.append((self.residuals(u + step) - self.residuals(u - step)) / (2 * STEP))
-        return np.stack(columns, axis=1)
-
-    def start(self) -> Array:
-        """U of the file's values (k,); where they are 0 the best decade, one after the other."""
-        u = np.array([one.coordinate(one.value) for one in self.unknowns])
-        for k, one in enumerate(self.unknowns):
-            if one.positive and one.value == 0:
-                tried = [10.0**n for n in DECADES if one.low < 10.0**n < one.high]
-                trials = np.tile(u, (len(tried), 1))
-                trials[:, k] = [one.coordinate(value) for value in tried]
-                costs = [float(np.sum(self.residuals(trial) ** 2)) for trial in trials]
-                u = trials[int(np.argmin(costs))]
-        return u
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +51,21 @@ class Fit:
         u: the unknowns (k,).
         residuals: weighted (m,).
         jacobian: of the residuals (m, k).
+        sought: how far below and above u intervals reach, by the index of the unknown.
+        met: χ² below that of u, and where (k,), as profiles have come there.
     """
 
     problem: LeastSquares
     u: Array
     residuals: Array
     jacobian: Array
+    sought: dict[int, tuple[float, float]] = field(default_factory=dict, init=False)
+    met: list[tuple[float, Array]] = field(default_factory=list, init=False)
+
+    @cached_property
+    def chi_squared(self) -> float:
+        """Sum of the squared residuals."""
+        return float(np.sum(self.residuals**2))
 
     @property
     def freedom(self) -> int:
@@ -155,7 +77,7 @@ class Fit:
         """By how much the model misses more than the measurements' deviations, at least 1."""
         if self.freedom <= 0:
             return 1.0
-        return max(1.0, math.sqrt(float(np.sum(self.residuals**2)) / self.freedom))
+        return max(1.0, math.sqrt(self.chi_squared / self.freedom))
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
@@ -204,7 +126,7 @@ class Fit:
         """Which unknowns have too large deviations (k,), and the file's value in the interval."""
         held = deviations > LOOSE
         for k in map(int, np.flatnonzero(held)):
-            held[k] = self._share(k, self._of_file(k)) <= 1
+            held[k] = self._share(k, self._of_file(k))[0] <= 1
         return held
 
     def _of_file(self, k: int) -> float:
@@ -214,7 +136,18 @@ class Fit:
     @cached_property
     def ends(self) -> Array:
         """How far below and above u each interval reaches (k, 2), no less than by curvature."""
-        return np.array([[self._end(k, side) for side in (-1, 1)] for k in range(len(self.u))])
+        return np.array([self.reach(k) for k in range(len(self.u))])
+
+    def reach(self, k: int) -> tuple[float, float]:
+        """How far below and above u[k] its interval reaches."""
+        if k not in self.sought:
+            self.sought[k] = self._end(k, -1), self._end(k, 1)
+        return self.sought[k]
+
+    def interval(self, k: int) -> tuple[float, float]:
+        """Least and largest u[k] in its interval."""
+        below, above = self.reach(k)
+        return float(self.u[k] - below), float(self.u[k] + above)
 
     def _end(self, k: int, side: int) -> float:
         """Distance of an interval's end from u; ``FARTHEST`` deviations, if it is beyond.
@@ -226,34 +159,76 @@ class Fit:
         farthest = min(max(self.quantile * FARTHEST, to_file), room)
         near, near_share = 0.0, 0.0
         far = min(self.quantile * min(self.curvature[k], LOOSE), farthest)
-        share = self._share(k, self.u[k] + side * far)
-        if share >= AGREES:
+        share, u = self._share(k, self.u[k] + side * far)
+        if share >= AGREES and self.curvature[k] <= LOOSE:
+            self._look_beyond(k, u, share)
             return float(far)
         while share < 1 and far < farthest:
             near, near_share = far, share
             far = min(2 * far, farthest)
-            share = self._share(k, self.u[k] + side * far)
+            share, u = self._share(k, self.u[k] + side * far)
         if share < 1:
             return float(far)
+        self._look_beyond(k, u, share)
         while far - near > APART:
             middle = (near + far) / 2
-            at_middle = self._share(k, self.u[k] + side * middle)
+            at_middle, _ = self._share(k, self.u[k] + side * middle)
             if at_middle < 1:
                 near, near_share = middle, at_middle
             else:
                 far, share = middle, at_middle
         return float(near + (far - near) * (1 - near_share) / (share - near_share))
 
-    def _share(self, k: int, x: float) -> float:
+    def _look_beyond(self, k: int, end: Array, share: float) -> None:
+        """Seek another minimum beyond an interval's end (k,) at which χ² bends over.
+
+        It does where it rises less than ``BENT`` of what a parabola would, 2 rise/change. By the
+        envelope theorem the profile's slope is that with the others as they are.
+        """
+        change, step = end[k] - self.u[k], np.zeros(len(end))
+        step[k] = math.copysign(STEP, change)
+        slope = (self._rise(end + step) - share**2) / step[k]
+        if slope * change < BENT * 2 * share**2:
+            step[k] = change
+            everything = np.full(len(end), fill_value=True)
+            self._rise(least(self.problem, end + step, everything, ROUGHLY))
+
+    def _share(self, k: int, x: float) -> tuple[float, Array]:
         """Where u[k] = x is in its interval: 0 at the best fit, 1 at an end, more outside.
 
-        The root of χ² less its least, the others found again, over what that is at the ends.
+        The root of the rise of χ², the others found again; and these (k,).
         """
         others, u = np.arange(len(self.u)) != k, self.u.copy()
         u[k] = x
         u = least(self.problem, u, others, ROUGHLY)
-        rise = float(np.sum(self.problem.residuals(u) ** 2) - np.sum(self.residuals**2))
-        return math.sqrt(max(rise, 0.0)) / (self.scale * self.quantile)
+        return math.sqrt(max(self._rise(u), 0.0)), u
+
+    def _rise(self, u: Array) -> float:
+        """χ² at u (k,) less that of the fit, over what it is at an interval's end.
+
+        Where it is lower, it is ``met``.
+        """
+        chi_squared = float(np.sum(self.problem.residuals(u) ** 2))
+        rise = (chi_squared - self.chi_squared) / (self.scale * self.quantile) ** 2
+        if rise < -LOWER:
+            self.met.append((chi_squared, u))
+        return rise
+
+    @property
+    def lower(self) -> Array | None:
+        """Where χ² was lowest (k,), if a profile has come below that of u."""
+        return min(self.met, key=lambda one: one[0])[1] if self.met else None
+
+    def follow(self, others: Fit | None) -> None:
+        """Seek the intervals of what another fit finds, which holds the rest; of None nothing."""
+        if others is None or others is self:
+            return
+        found = dict(zip(others.problem.unknowns, others.u, strict=True))
+        unknowns = self.problem.unknowns
+        u = [float(found.get(one, one.coordinate(one.value))) for one in unknowns]
+        self._rise(np.array(u))  # what is fitted beside held ones may be lower, too
+        for one in found:
+            self.reach(unknowns.index(one))
 
     @property
     def quantile(self) -> float:
@@ -271,50 +246,49 @@ def fitted(problem: LeastSquares, start: Array | None = None) -> Fit:
     return Fit(problem, u, problem.residuals(u), problem.jacobian(u))
 
 
-def least(problem: LeastSquares, start: Array, free: Array, tolerance: float = EXACTLY) -> Array:
-    """U (k,) of the least squares over the free unknowns (k,), from a start (k,)."""
-    from scipy.optimize import least_squares
-
-    if not free.any():
-        return start
-    low, high = problem.limits[:, free]
-
-    def whole(some: Array) -> Array:
-        u = start.copy()
-        u[free] = some
-        return u
-
-    optimum = least_squares(
-        lambda some: problem.residuals(whole(some)),
-        np.clip(start[free], low + 1e-9, high - 1e-9),
-        lambda some: problem.jacobian(whole(some), free),
-        bounds=(low, high),
-        xtol=tolerance,
-        ftol=tolerance,
-    )
-    return whole(optimum.x)
+def settled(problem: LeastSquares, start: Array | None = None) -> Fit:
+    """The fit from a start (k,) or the file's values, and on while its profiles come lower."""
+    for _ in range(ROUNDS):
+        fit = fitted(problem, start)
+        _ = fit.loose  # follows profiles
+        if fit.lower is None:
+            break
+        start = fit.lower
+    return fit
 
 
 def determined(problem: LeastSquares) -> tuple[Fit, Fit | None, dict[str, float]]:
     """The fit of all unknowns, and the fit of what the measurements determine.
 
     The second is None if they determine none. Beside them the relative deviation of every unknown
-    that is not determined, by key path, when it was the least certain one.
+    that is not determined, by key path, when it was the least certain one. Intervals are those of
+    the fit of all.
     """
-    of_all = now = fitted(problem)
+    start = None
+    for _ in range(ROUNDS):
+        of_all, fit, loose = _held_in_turn(problem, start)
+        of_all.follow(fit)
+        if of_all.lower is None:
+            break
+        start = of_all.lower
+    return of_all, fit, loose
+
+
+def _held_in_turn(
+    problem: LeastSquares, start: Array | None
+) -> tuple[Fit, Fit | None, dict[str, float]]:
+    """What ``determined`` tells, from a start (k,) or the file's values."""
+    of_all = now = settled(problem, start)
     loose: dict[str, float] = {}
-    while True:
-        if not now.loose.any():
-            return of_all, now, loose
+    while now.loose.any():
         loosest = int(np.argmax(np.where(now.loose, now.deviations, 0.0)))
         loose[now.problem.unknowns[loosest].path] = float(now.deviations[loosest])
-        determined = np.arange(len(now.u)) != loosest
-        pairs = zip(now.problem.unknowns, determined, strict=True)
-        left = tuple(unknown for unknown, kept in pairs if kept)
+        kept = np.arange(len(now.u)) != loosest
+        left = tuple(one for one, k in zip(now.problem.unknowns, kept, strict=True) if k)
         if not left:
             return of_all, None, loose
-        smaller = LeastSquares(problem.machine, problem.predictor, left)
-        now = fitted(smaller, now.u[determined])
+        now = settled(LeastSquares(problem.machine, problem.predictor, left), now.u[kept])
+    return of_all, now, loose
 
 
 def left_out(fit: Fit) -> Array:
@@ -337,16 +311,3 @@ def left_out(fit: Fit) -> Array:
         at_rest = problem.predictor(problem.at(u)).frequencies[n]
         errors[n] = at_rest / measured.frequencies[n] - 1
     return errors
-
-
-def refuse_too_few(problem: LeastSquares, fit: Sequence[str]) -> None:
-    """Raise if there are more unknowns than measurements and priors.
-
-    Raises:
-        ArmDesignError: there are.
-    """
-    data = len(problem.rows)
-    if len(fit) > data:
-        remedy = "fit fewer, measure more poses, or give priors"
-        values = f"{data} measured value" + "s" * (data != 1)
-        raise ArmDesignError("fit", f"{len(fit)} unknowns, but {values}", remedy)

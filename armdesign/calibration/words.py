@@ -56,7 +56,7 @@ def findings(
                 how = f"known to {_width(one, loose[one.path])} at best"
             held = f"held at {one.value:g} {one.unit}".rstrip()
             if fit is not None:
-                held += ", and what is said of the others is so if that is right"
+                held += ", and the intervals of the others allow for all that it may be"
             sentences.append(f"{one.path} is not determined by these measurements ({how}): {held}")
     return (*sentences, *_implausible(fit), *_apart(of_all), *warnings)
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from armdesign.arrays import Array
-from armdesign.calibration.fit import Fit, LeastSquares, determined
+from armdesign.calibration.fit import Fit, determined
+from armdesign.calibration.least_squares import LeastSquares
 from armdesign.calibration.measured import measured_of
 from armdesign.calibration.prediction import Predictor
 from armdesign.calibration.unknowns import unknowns_of
@@ -19,18 +20,20 @@ from tests.calibration.synthetic import BETA, crane
 BEST = 1000.0  # MPa
 NORMAL = 1.959964  # deviations to the ends of 95 %
 
+Formula = Callable[[float], float | list[float]]
+
 
 @dataclass(frozen=True, eq=False)
 class ClosedForm(LeastSquares):
-    """One residual, a function of the value over the best one."""
+    """Residuals that are a function of the value over the best one."""
 
-    formula: Callable[[float], float]
+    formula: Formula
 
     def residuals(self, u: Array) -> Array:
-        return np.array([self.formula(math.exp(u[0]) / BEST)])
+        return np.atleast_1d(self.formula(math.exp(u[0]) / BEST)).astype(float)
 
 
-def found(file_value: float, formula: Callable[[float], float]) -> tuple[Fit | None, float]:
+def found(file_value: float, formula: Formula) -> tuple[Fit | None, float]:
     """The fit of what is determined, and the relative deviation if the unknown is not."""
     machine = crane().replace({BETA: file_value})
     row = {"payload": "full", "lift_boom_deg": 20, "tilt_boom_deg": -30, "extension_mm": 0}
@@ -98,3 +101,24 @@ def test_a_refuted_value_is_not_held_though_none_is_the_best() -> None:
     assert not fit.loose.any()
     assert math.exp(fit.u[0]) < 1e-4 * BEST
     assert math.exp(fit.u[0] + fit.ends[0, 1]) / BEST == pytest.approx(NORMAL * 0.1, rel=0.02)
+
+
+@pytest.mark.parametrize("height", [1.4, 2.3])
+def test_a_lower_minimum_that_an_interval_leads_to_is_taken(height: float) -> None:
+    """χ² = height² sin²(π x/d) + (x/d − 1)² over x = ln(value) is 0 at d, and about 1 near 0.
+
+    Between them it rises to height² + ¼, less than an interval's end where the profile goes on, or
+    more where it stops on the crest. The fit stayed near 0, as it begins there.
+    """
+    distance = 0.4
+
+    def waves(value: float) -> list[float]:
+        share = math.log(value) / distance
+        return [height * math.sin(math.pi * share), share - 1]
+
+    fit, _ = found(BEST, waves)
+    assert fit is not None
+    assert fit.u[0] - math.log(BEST) == pytest.approx(distance, abs=1e-6)
+    assert fit.chi_squared == pytest.approx(0.0, abs=1e-9)
+    below, _ = fit.ends[0]
+    assert bool(below > distance) is (height**2 < NORMAL**2)  # whether the other one is within
