@@ -9,12 +9,14 @@ import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from armdesign import text_files, transaction
 from armdesign.csv_rows import DIGITS, plain_text
 from armdesign.errors import ArmDesignError, printable
+from armdesign.streams import as_written
 from armdesign.text_files import LARGEST_MACHINE_FILE
 
 if TYPE_CHECKING:
@@ -345,6 +347,13 @@ def _print(items: Sequence[Sheet | str], console: Console) -> None:
             continue
         console.print(item.title, style="bold")
         if item.rows:
-            console.print(terminal_table(item, console.width), crop=False)
+            console.print(terminal_table(_shown(item), console.width), crop=False)
         if item.note:
             console.print(f"{item.note}\n", style="italic")
+
+
+def _shown(sheet: Sheet) -> Sheet:
+    """The sheet in the signs that stdout has: columns are as wide as what they then hold."""
+    columns, words = (tuple(map(as_written, heads)) for heads in (sheet.columns, sheet.words))
+    rows = tuple(tuple(map(as_written, row)) for row in sheet.rows)
+    return replace(sheet, columns=columns, words=words, rows=rows)

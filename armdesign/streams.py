@@ -22,6 +22,15 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     return "".join(plain), error.end
 
 
+codecs.register_error("armdesign", _in_ascii)
+
+
+def as_written(text: str) -> str:
+    """A text as stdout writes it: in other characters what it lacks, as deg for °."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    return text.encode(encoding, "armdesign").decode(encoding)
+
+
 def replace_closed() -> None:
     """Put nothing in the place of streams that were closed, as by ``>&-``: workers need some.
 
@@ -60,7 +69,6 @@ def printing() -> Iterator[None]:
 
     A pipe that nobody reads any more ends the program without a word.
     """
-    codecs.register_error("armdesign", _in_ascii)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="armdesign")

@@ -90,6 +90,9 @@ def test_a_terminal_without_our_signs(tmp_path: Path) -> None:
     assert finished.stdout.isascii()
     assert "\\u" not in finished.stdout
     assert "\\x" not in finished.stdout
+    framed = [line for line in finished.stdout.splitlines() if line.startswith("|")]
+    assert any("deg" in line for line in framed)
+    assert all(line.endswith("|") for line in framed)
 
 
 @pytest.mark.slow
