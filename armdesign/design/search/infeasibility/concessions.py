@@ -15,6 +15,7 @@ DIGITS = 6  # of a setting that gives
 IN_LINE = 3  # settings that a line says; more stand below the table
 WITHIN = 0.999  # of what a file allows it to give
 ENOUGH = ", which is enough but not proved least"
+UNSTATED = ", which no setting of a file allows"
 OTHER_SIZES = ", or offer other sizes"
 HEADS = ("requirement", "", "today's limit", "relax by", "to", "or it alone by")
 
@@ -132,6 +133,8 @@ def conflict_error(
     if below:
         settings = f" by the {len(options)} settings below the table"
     enough = ENOUGH if settings and settled and not least else ""
+    if not (settings or settled):
+        enough = UNSTATED
     return InfeasibleError(
         machine,
         f"{none_meets} {names}{more}",

@@ -26,7 +26,7 @@ from armdesign.design.search.infeasibility.concessions import (
     largest_share,
     nearest_error,
 )
-from armdesign.design.search.infeasibility.elastic_programme import ROUGH
+from armdesign.design.search.infeasibility.elastic_programme import MET, ROUGH
 from armdesign.design.search.infeasibility.irreducible_subset import ConflictSearch, Relaxation
 from armdesign.design.search.infeasibility.restoration import (
     restore_feasibility,
@@ -232,7 +232,7 @@ class Conflict:
         search, amounts, enough = self.search, self.among.amounts(self.among.x), False
         by_name = {name: evaluation for name, (evaluation, _) in amounts.items()}
         if self.relaxation is None:  # what misses least says what lacks
-            lacks = {name: amount for name, (_, amount) in amounts.items() if amount > 0}
+            lacks = {n: much for n, (c, much) in amounts.items() if much > MET * abs(c.limit)}
             given = concessions(search.problem.requirements, [tuple(lacks)], by_name, lacks, {})
         else:
             together, x = self.relaxation.amounts, self.relaxation.x

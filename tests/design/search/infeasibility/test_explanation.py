@@ -331,6 +331,17 @@ def test_few_give_where_a_conflict_alone_cannot_give_enough() -> None:
     ad.optimize(weak, space, granted, starts=1)
 
 
+def test_what_no_setting_can_give_is_said() -> None:
+    """A load that is far too heavy: the setting to relax was one that it has already."""
+    heavy = ad.load("paper_1dof").replace({"payload.load.mass_kg": 5000})
+    space = ad.Workspace.grid(heavy, points=3)
+    with pytest.raises(InfeasibleError, match=r"which no setting of a file allows$") as error:
+        ad.optimize(heavy, space, starts=1)
+    (holding,) = error.value.conflict
+    assert (holding.name, holding.value) == ("holding.lift", None)
+    assert holding.together > 5
+
+
 def test_conflicts_with_a_common_requirement_are_one() -> None:
     """A later refusal may conflict with what an earlier one names: by itself the rest of it may
     not.
