@@ -366,7 +366,8 @@ def _plan(place: NamedPose, wanted: Wanted) -> list[list[PlannedSweep] | Failure
         versions = _versions(Resting.of(machine, pose))
     except SimulationError as error:
         return [Failure(**vars(sweep), error=error) for sweep in sweeps]
-    experiments = [[Experiment.on(rest, *pair) for rest in versions] for pair in pairs]
+    same = versions[0].counterparts
+    experiments = [[Experiment.on(rest, k, same[mode]) for rest in versions] for k, mode in pairs]
     of_cylinders = zip(sweeps, experiments, strict=True)
     return [_group(sweep, of_one, wanted.amplitude) for sweep, of_one in of_cylinders]
 
