@@ -180,7 +180,13 @@ joint = "slew"
 displacement_cm3 = 160
 gear_ratio = 40
 trapped_volume_l = { a = 0.9, b = 0.7 }
-valve = { rated_flow_l_per_min = 40, rated_drop_bar = 10, natural_frequency_hz = 12, damping_ratio = 0.8, preload_bar = 30, leakage_l_per_min_per_bar = 0.001 }
+[motor.slew.valve]
+rated_flow_l_per_min = 40
+rated_drop_bar = 10
+natural_frequency_hz = 12
+damping_ratio = 0.8
+preload_bar = 30
+leakage_l_per_min_per_bar = 0.001
 [cylinder.luff]
 bore_mm = 100
 rod_mm = 56
@@ -189,7 +195,12 @@ closed_length_mm = 960
 dead_volume_l = { cap = 0.4, annulus = 0.4 }
 base = { link = "column", at_mm = [250, 0, 250] }
 rod_end = { link = "jib", at_mm = [900, 0, -60] }
-valve = { rated_flow_l_per_min = 60, rated_drop_bar = 10, natural_frequency_hz = 12, damping_ratio = 0.8, leakage_l_per_min_per_bar = 0.001 }
+[cylinder.luff.valve]
+rated_flow_l_per_min = 60
+rated_drop_bar = 10
+natural_frequency_hz = 12
+damping_ratio = 0.8
+leakage_l_per_min_per_bar = 0.001
 """
 
 
