@@ -141,11 +141,9 @@ def optimize(
         design = _design(model, workspace, options, say)
     with run.writing(out) as folder:
         output.write_design(design, folder)
-    leads = (
-        [least_sentence(design, least, frequency, run.units.units)]
-        if frequency is not None
-        else []
-    )
+    leads = []
+    if least and frequency is not None:
+        leads.append(least_sentence(design, least, frequency, run.units.units))
     stopped = None
     with run.progress("proving how much more no design can reach; Ctrl-C: the answer without"):
         try:

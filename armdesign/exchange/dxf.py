@@ -110,14 +110,14 @@ def _draw_machine(sheet: _ScaledSpace, title: str, view: SideView) -> None:
             sheet.line(corners / mm, "CYLINDERS", close=True)
     for bar in view.bars:
         sheet.line(view.points[0, list(bar.ends)] / mm, "BARS")
-    places: dict[tuple[float, float], list[str]] = {}
+    places: dict[tuple[float, float], tuple[Array, list[str]]] = {}  # by 0.1 mm
     named = [pin.name for pin in view.pins], view.joints
     for names, points in zip(named, (view.points[0], view.pivots[0]), strict=True):
         for name, at in zip(names, points / mm, strict=True):
             if np.all(np.isfinite(at)):
-                places.setdefault((round(at[0], 1), round(at[1], 1)), []).append(name)
-    for place, texts in places.items():
-        sheet.pin(np.array(place), [", ".join(texts)])
+                places.setdefault((round(at[0], 1), round(at[1], 1)), (at, []))[1].append(name)
+    for place, texts in places.values():
+        sheet.pin(place, [", ".join(texts)])
     left, top = _corners(view)[0][0], _corners(view)[1][1]
     sheet.words(title, (left, top + 6 * sheet.text), 1.6)
     sheet.words(REMARK, (left, top + 4 * sheet.text))

@@ -1,12 +1,15 @@
 """What if: all that matters of a machine before and after a change, linear and exact.
 
 The linear estimate of the worst frequency comes from its exact derivatives at worst pose and
-rivals; of all other quantities the central difference of a hundredth of the change, of positions
-of the worst pose only where they move evenly: it jumps between poses that are equally low.
+rivals; of all other quantities the central difference of a hundredth of the change, or, where the
+two sides differ, as at a least or largest of several values, the difference to the side of the
+change. What jumps, as the worst pose between poses that are equally low and percentiles where
+poses begin or cease to hold the load, has an estimate only where it moves evenly.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,7 +51,13 @@ UNCHANGED = 5e-5  # relative change that is none
 WORST, LIFT = "worst", "lift at "  # the worst frequency, and beginning of masses on the chart
 SIGNED = ("m", "rad")  # units of places and angles, which may be below zero
 COUNTED = "limiting."  # beginning of shares of poses, which jump
-EVEN, STILL = 0.2, 1e-5  # two sides of a position differ by so much of both, or [rad, m], at most
+OF_POSES = (
+    ".percentile_",
+    ".static_pressure",
+    "bandwidth.",
+)  # in names of what the poses of a grid decide
+EVEN, STILL = 0.2, 1e-5  # two sides differ by so much of both, or [rad, m] of a position, at most
+SMOOTH = 0.02  # the same of what does not jump: by so much of a slope the mean is off at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +69,8 @@ class WhatIf:
         before: the map of the machine.
         after: the map of the changed machine over its own workspace.
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
-            change is no number, of positions that jump and of idle joints; below zero where it is
-            too large), value after, and relative change by both (NaN of joint positions, whose
+            change is no number, of what jumps and of positions of idle joints; below zero where it
+            is too large), value after, and relative change by both (NaN of joint positions, whose
             zero means nothing).
         missing: why there are no bandwidths; empty where there are, or none are asked for.
         damping: ratio of all modes on which bandwidths rest; None: what the file gives.
@@ -373,12 +382,20 @@ def _linear(
     for name, (value, _) in before.items():
         ends = [side.get(name, (None, ""))[0] for side in sides]
         known = not isinstance(value, str) and value is not None and None not in ends
-        if known and is_position(name):
-            known = not _is_idle(name, machine) and _evenly(ends[1], value, ends[0])
-        if known and not name.startswith(COUNTED):
-            estimates[name] = value + (ends[0] - ends[1]) / (2 * PART)
+        if known and not name.startswith(COUNTED) and not _is_idle(name, machine):
+            estimates[name] = _estimate(name, value, *ends)
     estimates[WORST] = _worst(machine, steps, points)
     return estimates
+
+
+def _estimate(name: str, value: float, after: float, before: float) -> float:
+    """Estimate from a value and those a part of the change on and back; NaN of what jumps."""
+    position = is_position(name)
+    jumps = position or any(part in name for part in OF_POSES)
+    still = STILL if position else PART * UNCHANGED * abs(value)
+    if _evenly(before, value, after, still, EVEN if jumps else SMOOTH):
+        return value + (after - before) / (2 * PART)
+    return math.nan if jumps else value + (after - value) / PART
 
 
 def _is_idle(name: str, machine: Machine) -> bool:
@@ -387,10 +404,15 @@ def _is_idle(name: str, machine: Machine) -> bool:
     return is_position(name) and any(joint == machine.joints[j] for j in machine.idle_joints)
 
 
-def _evenly(before: float, at: float, after: float) -> bool:
-    """Whether a position [rad, m] moves on as it came, rather than jump or meet a limit."""
+def _evenly(
+    before: float, at: float, after: float, still: float = STILL, share: float = EVEN
+) -> bool:
+    """Whether a value moves on as it came, rather than jump, turn off or meet a limit.
+
+    Both sides differ by a share of both at most, but for what is no motion, ``still``.
+    """
     come, gone = at - before, after - at
-    return abs(gone - come) <= STILL + EVEN * (abs(come) + abs(gone))
+    return abs(gone - come) <= still + share * (abs(come) + abs(gone))
 
 
 def _worst(

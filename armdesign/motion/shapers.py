@@ -49,7 +49,7 @@ class Shaper(ReadOnly):
         name: of its kind.
         low: lowest frequency that it is made for [Hz].
         high: highest frequency that it is made for [Hz].
-        damping: ratio that it is made for.
+        damping: ratio that it is made for, of several modes the least.
     """
 
     __repr__ = short_repr
@@ -220,6 +220,11 @@ class Shaper(ReadOnly):
         return float(self.times[-1])
 
     @property
+    def of_lowest(self) -> Shaper:
+        """The part of it that is made for its lowest frequency; itself where it has no parts."""
+        return min(self.parts or (self,), key=lambda part: part.low)
+
+    @property
     def words(self) -> str:
         """Kind, what it is made for, and delay in seconds and periods of the lowest frequency."""
         if not self.delay:
@@ -231,22 +236,22 @@ class Shaper(ReadOnly):
         )
         if self.parts:
             made_for = " and ".join(f"{part.low:.3g} Hz" for part in self.parts)
-        periods = self.delay * self.low * math.sqrt(1 - self.damping**2)
+        periods = self.delay * self.low * math.sqrt(1 - self.of_lowest.damping**2)
         many = "s" if round(periods, 2) > 1 else ""
         return f"{self.name} for {made_for}: delay {self.delay:.3g} s, {periods:.3g} period{many}"
 
-    def residual(self, frequency: ArrayLike, damping: float | None = None) -> Array:
+    def residual(self, frequency: ArrayLike, damping: ArrayLike | None = None) -> Array:
         """V(ω, ζ), what is left of the vibration that a step makes, at frequencies [Hz].
 
         Args:
             frequency: of any shape [Hz].
-            damping: ratio; None: the one that the shaper is made for.
+            damping: ratio, or one for each frequency; None: the one that the shaper is made for.
         """
-        zeta = self.damping if damping is None else damping
+        zeta = np.asarray(self.damping if damping is None else damping, dtype=float)[..., None]
         omega = 2 * math.pi * np.asarray(frequency, dtype=float)[..., None]
         # e^{−ζω(t_n − t_i)}: as above, but without overflow
         sizes = self.amplitudes * np.exp(-zeta * omega * (self.delay - self.times))
-        phase = omega * math.sqrt(1 - zeta**2) * self.times
+        phase = omega * np.sqrt(1 - zeta**2) * self.times
         return np.asarray(np.abs((sizes * np.exp(1j * phase)).sum(axis=-1)))
 
     def worst_residual(
@@ -263,10 +268,11 @@ class Shaper(ReadOnly):
         that is made for several modes the frequencies of all err by one share, and of each mode at
         most this residual is left.
         """
-        modes = np.array([part.low for part in self.parts] or [(self.low + self.high) / 2])
+        parts = self.parts or (self,)
+        modes, ratios = np.array([((one.low + one.high) / 2, one.damping) for one in parts]).T
         share = np.linspace(0.0, 1.0, SEARCHED)[:, None]
         above, below = (
-            self.residual(modes * (1 + sign * share)).max(axis=1) > residual * WITHIN
+            self.residual(modes * (1 + sign * share), ratios).max(axis=1) > residual * WITHIN
             for sign in (1, -1)
         )
         if not self.delay or above[0]:

@@ -63,7 +63,7 @@ def shaper_figure(move: Move) -> Figure:
     """Figure of what a move's shaper leaves at other frequencies, beside the usual ones."""
     from armdesign.motion.shapers import Shaper
 
-    lowest, damping = float(move.frequencies[0]), move.shaper.damping
+    lowest, damping = float(move.frequencies[0]), move.shaper.of_lowest.damping
     usual = [kind(lowest, damping) for kind in (Shaper.zv, Shaper.zvd, Shaper.ei)]
     shapers = [move.shaper, *usual] if move.shaper.delay else usual
     far = max(move.shaper.high, lowest)

@@ -163,7 +163,8 @@ def _levers(inspection: Inspection, units: Units) -> Sheet:
             where = "everywhere" if even else units.text(at, joint.unit)
             cells += [units.number(arm, unit), where]
         rows.append((machine.cylinders[lever.cylinder].name, joint.name, *cells))
-    per, slides = f"[{units.name('m/rad')}]", any("everywhere" in row for row in rows)
+    per = f"[{units.name('m/rad')}]"
+    slides = any(not machine.arm.joints[lever.joint].revolute for lever in inspection.levers)
     notes = ["of a sliding joint: cylinder travel per joint travel"] if slides else []
     notes += ["0: changes sign near there"] if any(one.turns for one in inspection.levers) else []
     return Sheet(

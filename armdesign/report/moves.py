@@ -81,7 +81,7 @@ def _shapers(move: Move) -> Sheet:
     """The chosen shaper beside the usual ones for the lowest mode."""
     from armdesign.motion.shapers import Shaper
 
-    lowest, damping = float(move.frequencies[0]), move.shaper.damping
+    lowest, damping = float(move.frequencies[0]), move.shaper.of_lowest.damping
     usual = [kind(lowest, damping) for kind in (Shaper.zv, Shaper.zvd, Shaper.ei)]
     shapers = [move.shaper, *usual] if move.shaper.delay else usual
     return Sheet(
@@ -93,7 +93,7 @@ def _shapers(move: Move) -> Sheet:
             *(percent(error, 0) if error else "0" for error in ERRORS),
             "width at 5 %",
         ),
-        rows=tuple(_shaper_row(shaper, lowest) for shaper in shapers),
+        rows=tuple(_shaper_row(shaper, lowest, damping) for shaper in shapers),
         bold=(0,) if move.shaper.delay else (),
         note=(
             "of the vibration that a step would leave, linear; width: of the band with at most 5 %"
@@ -103,9 +103,9 @@ def _shapers(move: Move) -> Sheet:
     )
 
 
-def _shaper_row(shaper: Shaper, lowest: float) -> tuple[str, ...]:
-    periods = shaper.delay * lowest * math.sqrt(1 - shaper.damping**2)
-    left = (100 * float(shaper.residual(lowest * (1 + error))) for error in ERRORS)
+def _shaper_row(shaper: Shaper, lowest: float, damping: float) -> tuple[str, ...]:
+    periods = shaper.delay * lowest * math.sqrt(1 - damping**2)
+    left = (100 * float(shaper.residual(lowest * (1 + error), damping)) for error in ERRORS)
     return (
         shaper.name,
         f"{shaper.delay:.3f}",

@@ -58,7 +58,7 @@ def _row(label: str, sweep: SweptMode, friction: bool) -> tuple[str, ...]:
     if not isinstance(sweep, FittedMode):
         return (*cells, *["–"] * (len(COLUMNS) + friction - len(cells)), "failed")
     cells += [f"{sweep.identified_frequency:.4f}", percent(sweep.deviation, 2)]
-    cells += [f"{sweep.linear_damping:.4f}", f"{sweep.identified_damping:.4f}"]
+    cells += [f"{round(x, 4) + 0.0:.4f}" for x in (sweep.linear_damping, sweep.identified_damping)]
     if friction:
         dry = sweep.with_friction
         cells.append(
@@ -182,4 +182,19 @@ def verdict(validations: Sequence[Validation]) -> str:
     usual = any("worst" in validation.by_pose for validation in validations)
     poses = "the worst, the median and the best pose" if usual else "each given pose"
     counted = f"{agree} of {agree + remarks.total()} sweeps agree{others}"
-    return f"{counted} (every cylinder at {poses}){deviation}"
+    return f"{counted} (every cylinder at {poses}){deviation}{_unseen(validations)}"
+
+
+def _unseen(validations: Sequence[Validation]) -> str:
+    """At which poses no sweep is over the lowest mode; empty if there is none."""
+    named = (pair for validation in validations for pair in validation.by_pose.items())
+    unseen = dict.fromkeys(
+        name for name, of_one in named if min(sweep.mode for sweep in of_one.sweeps) > 1
+    )
+    if not unseen:
+        return ""
+    words = f"pose{'s' if len(unseen) > 1 else ''} {', '.join(unseen)}"
+    return (
+        f"; at {words} no sweep is over the lowest mode: one that structure swings in alone moves"
+        " no cylinder"
+    )

@@ -60,6 +60,20 @@ class Resting:
     equilibrium: Array  # its state there (size,)
     valves: tuple[SymmetricValve, ...]  # of the actuators, with the same flow to both sides
 
+    @property
+    def counterparts(self) -> list[int]:
+        """Index among ``frequencies`` of each mode on trapped oil (k,): of the same motion.
+
+        Other pressures, as behind a valve that leaks, change modes unlike and so their order.
+        """
+        from scipy.optimize import linear_sum_assignment
+
+        damped = self.linear.damped_modes.shapes
+        if damped.shape[1] != len(self.frequencies):
+            return list(range(len(self.frequencies)))
+        alike = np.abs(self.modes.shapes[0].T @ self.linear.mass_matrix @ damped) ** 2
+        return linear_sum_assignment(alike, maximize=True)[1].tolist()
+
     @classmethod
     def of(cls, machine: Machine, pose: Array) -> Self:
         """The machine at rest at a pose (nq,).

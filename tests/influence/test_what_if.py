@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.influence.what_if import _evenly
+from armdesign.influence.what_if import PART, _estimate, _evenly
 from armdesign.machine.changes import read_changes
 from tests import machines
 from tests.commands import assert_one_line, main
@@ -317,3 +317,33 @@ def test_a_position_that_moves_evenly_is_estimated() -> None:
     assert abs(moved[0]) > 1e-3
     assert moved[0] == pytest.approx(5 * moved[1], rel=0.02)
     assert row(near, joint)["after"] - before == pytest.approx(moved[1], rel=0.1)
+
+
+def test_what_jumps_has_no_estimate_and_a_kink_has_that_of_its_side() -> None:
+    """By hand: 3 + 2 x right of 0 and 3 + 5 x left of it; 3 with a step to the right of 0."""
+    kink = _estimate("soil.worst", 3.0, 3.0 + 2 * PART, 3.0 - 5 * PART)
+    assert kink == pytest.approx(5.0)
+    assert _estimate("soil.worst", 3.0, 3.0 + 2 * PART, 3.0 - 2 * PART) == pytest.approx(5.0)
+    assert math.isnan(_estimate("soil.percentile_95", 3.0, 3.1, 3.0))
+    assert math.isnan(_estimate("boom.static_pressure", 3.0, 3.1, 3.0))
+    assert _estimate("soil.percentile_95", 3.0, 3.0 + 1e-8, 3.0) == pytest.approx(3.0, rel=1e-5)
+
+
+def test_a_load_case_with_two_worst_poses_has_the_slope_of_the_one_that_is_lower() -> None:
+    """Swung by two cylinders alike, one on each side: a rod of one breaks the tie.
+
+    The worst of all load cases comes by exact derivatives of both poses, that of its own load
+    case by differences; their mean over both sides had half of it.
+    """
+    swing = machines.Joint("swing", "root", axis=(0, 0, 1), limits=(-0.7, 0.7), com=(0.8, 0, 0))
+    left, right = (
+        machines.CylinderSpec(name, ("root", (-0.9, side, 0)), ("swing", (0.1, side, 0)))
+        for name, side in (("left", 0.3), ("right", -0.3))
+    )
+    machine = machines.build([swing], [left, right], payload=("swing", (1.0, 0.0, 0.0)))
+    answer = ad.what_if(machine, {"cylinder.right.rod_mm": 63.3}, 9, bandwidth=False)
+    worst = row(answer, "worst")
+    own = row(answer, f"{answer.before.worst.payload}.worst")
+    assert worst["before"] == own["before"]
+    assert own["linear_change"] == pytest.approx(worst["linear_change"], rel=0.02)
+    assert own["change"] == pytest.approx(own["linear_change"], rel=0.02)

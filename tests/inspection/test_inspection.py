@@ -226,6 +226,17 @@ def test_a_pin_outside_its_outline_is_told(tmp_path: Path) -> None:
     assert "move the edge there out by 287.1 mm; until then designs are refused" in words
 
 
+def test_arms_of_slides_are_no_lengths_also_where_they_change() -> None:
+    """A cylinder aslant of its slide: its arm, the cosine of their angle, changes on the way."""
+    slide = machines.Joint("out", "root", axis=(1, 0, 0), kind="prismatic", limits=(-0.2, 0.2))
+    push = machines.CylinderSpec("push", ("root", (-1.0, 0, 0.0)), ("out", (0.2, 0, 0.1)))
+    machine = machines.build([slide], [push])
+    sheets = check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)))
+    (arms,) = (sheet for sheet in sheets if sheet.title == "Moment arms")
+    assert "everywhere" not in arms.rows[0]
+    assert arms.note == "of a sliding joint: cylinder travel per joint travel"
+
+
 @pytest.mark.parametrize(
     ("stroke", "first"), [("1.26", "Implausible values"), ("1260", "20 t crawler excavator")]
 )

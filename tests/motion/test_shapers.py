@@ -171,6 +171,25 @@ def test_the_width_for_two_modes_is_that_of_oscillators_that_err_alike() -> None
         assert width > min(one.insensitivity(), two.insensitivity())
 
 
+@pytest.mark.parametrize("ratios", [(0.3, 0.02), (0.02, 0.3)])
+def test_every_mode_of_two_has_its_own_damping(ratios: tuple[float, float]) -> None:
+    """Two oscillators, one well damped: neither rings on, and both may err a little.
+
+    Judged by the damping of the other one, the first would have been left to ring with 11 %.
+    """
+    modes = (1.0, 2.5)
+    both = Shaper.zvd(modes[0], ratios[0]) * Shaper.zvd(modes[1], ratios[1])
+    pairs = list(zip(modes, ratios, strict=True))
+    np.testing.assert_allclose(both.residual(modes, ratios), 0.0, atol=1e-12)
+    for sign in (1, -1):
+        left = [rung(both, f * (1 + 0.05 * sign), zeta) for f, zeta in pairs]
+        assert max(left) < 0.05
+    assert both.insensitivity() > 0.1
+    assert both.of_lowest.damping == ratios[0]
+    periods = both.delay * modes[0] * np.sqrt(1 - ratios[0] ** 2)
+    assert f"{periods:.3g} periods" in both.words
+
+
 def test_a_shaped_command_is_a_convolution() -> None:
     """A ramp after ZV is the mean of two ramps; both ends are kept."""
     shaper = Shaper.zv(1.0)
