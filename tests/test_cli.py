@@ -90,7 +90,7 @@ def test_least_oil_for_a_frequency(
     swept = " → ".join(f"{1000 * one:.1f}" for one in oil[::-1])
     assert lines[0].startswith("wrote ")
     assert lines[1].startswith(f"Oil of all cap sides: {swept} l (")
-    assert lines[1].endswith(" Hz.")
+    assert lines[1].endswith(" Hz, 0.75 Hz asked for.")
     assert not lines[2]
     for more in (["--least", "oil"], ["--frequency", "1"]):
         assert main([*words, *more], monkeypatch) == 2

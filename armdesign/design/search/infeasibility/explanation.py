@@ -242,6 +242,7 @@ class Conflict:
             given = tuple(
                 c if c.part < self.conflicting else replace(c, part=BESIDES, alone=None)
                 for c in given
+                if c.part < self.conflicting or c.together > 0
             )
         none_meets = f"{WITH_SIZES}{none_meets}" if self.by_sizes else none_meets
         otherwise = OTHER_SIZES if self.by_sizes else ""
