@@ -119,6 +119,10 @@ class AnyMachine:
     machine: Machine
     q: np.ndarray
 
+    def __repr__(self) -> str:
+        """Short: Hypothesis refuses texts of many kB in place of the fault that it has found."""
+        return f"AnyMachine with joints {', '.join(self.machine.joints)} at {self.q.tolist()}"
+
 
 @st.composite
 def any_machines(draw: st.DrawFn) -> AnyMachine:

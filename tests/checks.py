@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import signal
 from collections.abc import Callable, Iterator
 
@@ -34,6 +35,18 @@ def difference(
             / step
         )
     return np.stack(columns, axis=-1)
+
+
+def settled_difference(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """As ``difference``, at each row of x with the step by whose eighth part it changes least.
+
+    For what may bend sharply, as the torque of a cylinder on a four-bar that hardly closes.
+    """
+    finer = [difference(function, x, STEP / 8**k) for k in range(4)]
+    every = tuple(range(1, finer[0].ndim))
+    changes = [np.abs(one - other).max(axis=every) for one, other in itertools.pairwise(finer)]
+    best = np.argmin(np.nan_to_num(changes, nan=np.inf), axis=0)  # NaN: a step to where it opens
+    return np.stack([finer[k][row] for row, k in enumerate(best)])
 
 
 # rounding of lengths near 1 m over STEP is 1e-13: what a derivative that is zero by nature leaves
