@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from armdesign import text_files, transaction
 from armdesign.csv_rows import DIGITS, plain_text
 from armdesign.errors import ArmDesignError, printable
-from armdesign.streams import as_written
+from armdesign.streams import as_printed
 from armdesign.text_files import LARGEST_MACHINE_FILE
 
 if TYPE_CHECKING:
@@ -354,6 +354,6 @@ def _print(items: Sequence[Sheet | str], console: Console) -> None:
 
 def _shown(sheet: Sheet) -> Sheet:
     """The sheet in the signs that stdout has: columns are as wide as what they then hold."""
-    columns, words = (tuple(map(as_written, heads)) for heads in (sheet.columns, sheet.words))
-    rows = tuple(tuple(map(as_written, row)) for row in sheet.rows)
+    columns, words = (tuple(map(as_printed, heads)) for heads in (sheet.columns, sheet.words))
+    rows = tuple(tuple(map(as_printed, row)) for row in sheet.rows)
     return replace(sheet, columns=columns, words=words, rows=rows)

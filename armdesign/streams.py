@@ -25,8 +25,8 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error("armdesign", _in_ascii)
 
 
-def as_written(text: str) -> str:
-    """A text as stdout writes it: in other characters what it lacks, as deg for °."""
+def as_printed(text: str) -> str:
+    """A text as stdout prints it: in other characters what it lacks, as deg for °."""
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     return text.encode(encoding, "armdesign").decode(encoding)
 

@@ -51,11 +51,8 @@ UNCHANGED = 5e-5  # relative change that is none
 WORST, LIFT = "worst", "lift at "  # the worst frequency, and beginning of masses on the chart
 SIGNED = ("m", "rad")  # units of places and angles, which may be below zero
 COUNTED = "limiting."  # beginning of shares of poses, which jump
-OF_POSES = (
-    ".percentile_",
-    ".static_pressure",
-    "bandwidth.",
-)  # in names of what the poses of a grid decide
+# in names of what the poses of a grid decide
+OF_POSES = ".percentile_", ".static_pressure", "bandwidth."
 EVEN, STILL = 0.2, 1e-5  # two sides differ by so much of both, or [rad, m] of a position, at most
 SMOOTH = 0.02  # the same of what does not jump: by so much of a slope the mean is off at most
 

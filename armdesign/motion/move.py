@@ -83,6 +83,13 @@ class Move(ReadOnly):
         return self.runs[1]
 
     @property
+    def shapers(self) -> list[Shaper]:
+        """Its shaper, where it has a delay, and the usual ones for the lowest mode."""
+        lowest, damping = float(self.frequencies[0]), self.shaper.of_lowest.damping
+        usual = [kind(lowest, damping) for kind in (Shaper.zv, Shaper.zvd, Shaper.ei)]
+        return [self.shaper, *usual] if self.shaper.delay else usual
+
+    @property
     def reductions(self) -> tuple[float, ...]:
         """Residual of shaped over unshaped run, payload by payload."""
         pairs = zip(self.runs[::2], self.runs[1::2], strict=True)

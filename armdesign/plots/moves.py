@@ -61,14 +61,10 @@ def move_figure(move: Move) -> Figure:
 @literal
 def shaper_figure(move: Move) -> Figure:
     """Figure of what a move's shaper leaves at other frequencies, beside the usual ones."""
-    from armdesign.motion.shapers import Shaper
-
-    lowest, damping = float(move.frequencies[0]), move.shaper.of_lowest.damping
-    usual = [kind(lowest, damping) for kind in (Shaper.zv, Shaper.zvd, Shaper.ei)]
-    shapers = [move.shaper, *usual] if move.shaper.delay else usual
+    lowest = float(move.frequencies[0])
     far = max(move.shaper.high, lowest)
     fig, axes = figure(2 if far > NEAR * lowest else 1, 7.2, 5.6)
-    sensitivity_curves(shapers, axes[0], NEAR * lowest)
+    sensitivity_curves(move.shapers, axes[0], NEAR * lowest)
     for ax in axes[1:]:
         sensitivity_curves([move.shaper], ax, 1.5 * far)
     for ax in axes:

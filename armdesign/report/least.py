@@ -28,8 +28,7 @@ def least_sentence(design: Design, of: str, frequency: float, units: Units = WOR
     decimals = digits if unit == "m³" and units is WORKSHOP else None
     one, other = (units.number(amount, unit, decimals) for amount in (before, after))
     change = percent(after / before - 1)
-    frequencies = (m.worst.frequency for m in (design.before, design.after))
-    today, new = (f"{frequency:.3f}" for frequency in frequencies)
+    today, new = (f"{m.worst.frequency:.3f}" for m in (design.before, design.after))
     within = "" if design.made_for == "nominal" else " within the bands"
     judged = f"{design.judged:.3f}"
     asked = f"; {LOWEST}{within}: {judged} Hz" if within or judged != new else ""

@@ -79,11 +79,7 @@ def _misses(move: Move, run: MoveRun, units: Units) -> list[str]:
 
 def _shapers(move: Move) -> Sheet:
     """The chosen shaper beside the usual ones for the lowest mode."""
-    from armdesign.motion.shapers import Shaper
-
     lowest, damping = float(move.frequencies[0]), move.shaper.of_lowest.damping
-    usual = [kind(lowest, damping) for kind in (Shaper.zv, Shaper.zvd, Shaper.ei)]
-    shapers = [move.shaper, *usual] if move.shaper.delay else usual
     return Sheet(
         title=f"Residual vibration against an error of the lowest frequency, {lowest:.3g} Hz",
         columns=(
@@ -93,7 +89,7 @@ def _shapers(move: Move) -> Sheet:
             *(percent(error, 0) if error else "0" for error in ERRORS),
             "width at 5 %",
         ),
-        rows=tuple(_shaper_row(shaper, lowest, damping) for shaper in shapers),
+        rows=tuple(_shaper_row(shaper, lowest, damping) for shaper in move.shapers),
         bold=(0,) if move.shaper.delay else (),
         note=(
             "of the vibration that a step would leave, linear; width: of the band with at most 5 %"

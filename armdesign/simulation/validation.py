@@ -408,12 +408,8 @@ def _validations(
         return [machine.identity, name, pose.tolist(), wanted.cylinders, wanted.amplitude]
 
     def swept(missing: list[int]) -> Iterator[tuple[int, list[FittedMode | Failure]]]:
-        if workers <= 1 or len(missing) < 2:
-            yield from ((k, _swept(places[k], wanted)) for k in counted(missing, "pose"))
-            return
         tasks = [partial(_numbered, k, places[k], wanted) for k in missing]
-        answers = in_processes(tasks, workers)
-        yield from counted(answers, "pose", len(tasks))
+        yield from counted(in_processes(tasks, workers), "pose", len(tasks))
 
     pieces = iter(all_finished("sweeps at a pose", len(places), identity, swept, form()))
     return [

@@ -309,7 +309,7 @@ compliance_m_per_N = 1.58e-8
 @pytest.mark.slow
 @pytest.mark.parametrize("restored", [True, False], ids=["by_each_step", "at_last"])
 def test_a_search_that_leaves_what_is_allowed_comes_back(
-    restored: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    restored: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """8 Hz were out of reach though "the other requirements allow 10.23 Hz".
 
@@ -319,8 +319,7 @@ def test_a_search_that_leaves_what_is_allowed_comes_back(
     """
     if not restored:
         monkeypatch.setattr("armdesign.design.least.restore_feasibility", lambda search: search)
-    (tmp_path / "lever.toml").write_text(LEVER)
-    machine = ad.load(tmp_path / "lever.toml")
+    machine = ad.Machine.from_text(LEVER, "", Path("lever.toml"))
     space = ad.Workspace.grid(machine, points=5)
     design = ad.least(machine, space, frequency=8.0, catalogue="5mm", starts=1)
     assert design.after.frame["f1_hz"].min() >= 8.0

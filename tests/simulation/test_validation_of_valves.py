@@ -204,14 +204,12 @@ leakage_l_per_min_per_bar = 0.001
 """
 
 
-def test_leaks_that_change_the_order_of_modes_are_no_fault(tmp_path: Path) -> None:
+def test_leaks_that_change_the_order_of_modes_are_no_fault() -> None:
     """Under the pressures of leaks the luffing mode, the lower one at rest, is the higher one.
 
     Each sweep is over its own mode; either was over that of the other.
     """
-    file = tmp_path / "crane.toml"
-    file.write_text(CRANE, encoding="utf-8")
-    machine, pose = ad.load(file), [0.0, 0.6]
+    machine, pose = ad.Machine.from_text(CRANE, "", Path("crane.toml")), [0.0, 0.6]
     assert Resting.of(machine, np.array(pose)).counterparts == [1, 0]
     validation = validate(machine, pose)
     assert [run.cylinder for run in validation.runs[::2]] == ["luff", "slew"]
