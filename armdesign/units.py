@@ -76,11 +76,15 @@ class Units:
 def percent(share: float, decimals: int = 1) -> str:
     """A change in per cent with its sign; what rounds to nothing is no loss.
 
+    A dash where there is none, as over nothing (not finite).
+
     Example:
         >>> import armdesign as ad
         >>> print(ad.units.percent(0.068), ad.units.percent(-1e-5))
         +6.8 % +0.0 %
     """
+    if not math.isfinite(share):
+        return "–"
     return f"{round(100 * float(share), decimals) + 0.0:+.{decimals}f} %"
 
 

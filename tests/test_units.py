@@ -20,6 +20,8 @@ from armdesign.units import SI, WORKSHOP, mm, percent
         (-0.00051, 1, "-0.1 %"),
         (-0.00004, 2, "+0.00 %"),
         (np.float64(-0.2), 0, "-20 %"),
+        (np.inf, 1, "–"),  # over nothing
+        (np.nan, 1, "–"),
     ],
 )
 def test_changes_in_per_cent(share: float, decimals: int, printed: str) -> None:

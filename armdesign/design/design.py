@@ -253,9 +253,9 @@ class Design(ReadOnly):
 
     @property
     def gain(self) -> float:
-        """Relative gain in the worst frequency with the file's values; inf where today's is 0."""
+        """Relative gain in the worst frequency with the file's values; inf over 0 Hz."""
         before, after = self.before.worst.frequency, self.after.worst.frequency
-        return after / before - 1 if before > 0 else math.inf
+        return after / before - 1 if before > 0 else math.inf if after > 0 else 0.0
 
     @property
     def least_gain(self) -> float:

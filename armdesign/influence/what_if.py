@@ -190,7 +190,7 @@ class WhatIf:
                 both = (row[kind] - row["before"] for kind in ("linear", "after"))
                 shares = tuple(_difference(change, row["unit"], units) for change in both)
             else:
-                shares = tuple(_percent(row[kind]) for kind in ("linear_change", "change"))
+                shares = tuple(percent(row[kind]) for kind in ("linear_change", "change"))
             head = f"{name} [{unit}]" if unit not in ("", "Hz") else str(name)
             rows.append((head, *values, *shares))
         return Sheet(
@@ -209,9 +209,9 @@ class WhatIf:
         for words, at in ends.items() if exact.min() < exact.max() else ():
             row = known.iloc[int(at)]
             masses = (_mass(row[kind]) for kind in ("before", "linear", "after"))
-            cells = (_percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))
+            cells = (percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))
             rows.append((f"{words} change, {known.index[int(at)]}", *masses, *cells))
-        medians = (_percent(float(ratios[kind].median())) for kind in ("linear", "after"))
+        medians = (percent(float(ratios[kind].median())) for kind in ("linear", "after"))
         rows.append(("median change", "", "", "", *medians))
         return Sheet(
             title="Change over the lift chart [kg]",
@@ -245,10 +245,6 @@ def _difference(change: float, unit: str, units: Units) -> str:
 
 def _mass(value: float) -> str:
     return f"{value:.0f}" if np.isfinite(value) else "–"
-
-
-def _percent(share: float) -> str:
-    return percent(share) if np.isfinite(share) else "–"
 
 
 @checked

@@ -114,9 +114,9 @@ def design_steps(steps: Steps, ax: Axes | None = None) -> Any:
     """Gain by number of pins moved, with their names; returns the axes."""
     count = len(steps.steps)
     ax = figure(height=max(1.2 + 0.5 * count, 2.2))[1][0] if ax is None else ax
-    gains = [100 * step.gain for step in steps.steps]
-    places = range(count)
-    ax.barh(places, gains, color=MARK, height=0.6)
+    gains, places = [step.gain for step in steps.steps], range(count)
+    lengths = [100 * gain if math.isfinite(gain) else 0.0 for gain in gains]
+    ax.barh(places, lengths, color=MARK, height=0.6)
     names = [
         ", ".join(pin.removeprefix("cylinder.").replace("_", "-") for pin in step.pins)
         for step in steps.steps
@@ -124,12 +124,13 @@ def design_steps(steps: Steps, ax: Axes | None = None) -> Any:
     labels = [f"{len(step.pins) or 'no'} pin{'s' * (len(step.pins) > 1)}" for step in steps.steps]
     ax.set_yticks(places, labels)
     ax.invert_yaxis()  # fewest above
-    for place, gain, words in zip(places, gains, names, strict=True):
-        shown = f"{percent(gain / 100)}   {words or 'cylinders alone'}"
-        ax.annotate(shown, (max(gain, 0), place), (4, 0), textcoords="offset points", va="center")
+    for place, length, gain, words in zip(places, lengths, gains, names, strict=True):
+        shown = f"{percent(gain)}   {words or 'cylinders alone'}"
+        end = max(length, 0), place
+        ax.annotate(shown, end, (4, 0), textcoords="offset points", va="center")
     label = "gain of the worst frequency"
     ax.set(xlabel=f"{f'least {label} within the bands' if steps.robust else label} [%]")
-    ax.set_xlim(min(0.0, *gains), 2.2 * max(*gains, 1.0))
+    ax.set_xlim(min(0.0, *lengths), 2.2 * max(*lengths, 1.0))
     ax.set_title(title_of(steps.today), fontsize=11)
     return ax
 
@@ -154,7 +155,7 @@ def trade_off(front: Pareto, ax: Axes | None = None) -> Any:
             now, start, "*", ms=12, color=INK, label="_" if start < today else "today's machine"
         )
         for limit, frequency in zip(limits, frequencies, strict=True):
-            gain = percent(frequency / start - 1)
+            gain = percent(frequency / start - 1 if start > 0 else math.inf)
             ax.annotate(
                 gain, (limit, frequency), (0, 6), textcoords="offset points", ha="center", size=8
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from armdesign.calibration.words import sentence
@@ -51,14 +50,12 @@ def _correlations(table: pd.DataFrame) -> str:
 def _measurements(calibration: Calibration) -> Sheet:
     rows = []
     for n, row in calibration.frame.dropna(subset=["measured_hz"]).iterrows():
-        errors = [_percent(row[f"{name}_error"]) for name in ("before", "calibrated", "left_out")]
+        errors = [
+            percent(row[f"{name}_error"], 2) for name in ("before", "calibrated", "left_out")
+        ]
         measured = f"{row['measured_hz']:.4f} ± {row['deviation_hz']:.4f}"
         computed = [f"{row[f'{name}_hz']:.4f}" for name in ("before", "calibrated")]
         cells = (measured, computed[0], errors[0], computed[1], *errors[1:])
         rows.append((f"{int(n) + 1}, {row['payload']}", *cells))  # type: ignore[call-overload]
     heads = ("row, load", "measured", "before", "error", "calibrated", "error", "left out")
     return Sheet(title="Frequencies [Hz] at the measured poses", columns=heads, rows=tuple(rows))
-
-
-def _percent(value: float) -> str:
-    return "–" if math.isnan(value) else percent(value, 2)

@@ -10,7 +10,7 @@ import numpy as np
 from armdesign.report.bands import bands_sheet, is_assumed
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
-from armdesign.report.maps import LOWEST, between_poses, spread_sheet, too_few_poses
+from armdesign.report.maps import LOWEST, between_poses, hertz, spread_sheet, too_few_poses
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, limiting_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units, percent, share_text
@@ -43,12 +43,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     before, after = design.before.worst, design.after.worst
     pair = (("today", design.today, before), ("new", design.machine, after))
     rows = [
-        (
-            label,
-            f"{worst.frequency:.3f} Hz",
-            worst.cylinder,
-            worst_pose_text(machine, worst, units),
-        )
+        (label, hertz(worst.frequency), worst.cylinder, worst_pose_text(machine, worst, units))
         for label, machine, worst in pair
     ]
     own = design.worst_in_own_workspace.frequency
@@ -215,6 +210,8 @@ def bands_of_design(design: Design) -> Sheet:
     }
     rows = {"today": design.band_before, "new": design.band_after}
     least = f"; least gain within the bands {percent(design.least_gain)}"
+    if math.isinf(design.least_gain):
+        least = "; today's machine is unstable throughout: there is no gain over it"
     where = _where_it_is_least(design)
     return bands_sheet(
         design.today, design.bands, rows, f"{made_for[design.made_for]}{least}{where}"
@@ -301,10 +298,11 @@ def summary(design: Design) -> str:
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
     if stuck := limiting_note(design.machine, after.cylinder):
         limiting += f"; {stuck}"
+    gain = f" ({percent(design.gain)})" if before.frequency > 0 else ""
     return (
-        f"The worst natural frequency in the workspace goes from {before.frequency:.3f} Hz to"
-        f" {after.frequency:.3f} Hz ({percent(design.gain)}) with the same joint ranges, oil and"
-        f" thrust limits; {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
+        f"The worst natural frequency in the workspace goes from {hertz(before.frequency)} to"
+        f" {hertz(after.frequency)}{gain} with the same joint ranges, oil and thrust limits;"
+        f" {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
     )
 
 
@@ -332,8 +330,9 @@ def _throughout(design: Design) -> str:
     what = "a gain of at least"
     if least <= 0:
         what = "the gain vanishes there:" if design.gain > 0 else "in the worst case"
+    gain = f", {what} {percent(least)}" if math.isfinite(least) else ""
     assumed = ", assumed" if is_assumed(design.today, design.bands) else ""
     return (
         f" Within the bands of what is not known exactly{assumed}, the {LOWEST} has {low:.3f} to"
-        f" {high:.3f} Hz, {what} {percent(least)}."
+        f" {high:.3f} Hz{gain}."
     )

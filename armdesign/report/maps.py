@@ -24,6 +24,11 @@ UNSTABLE = (
 )
 
 
+def hertz(frequency: float) -> str:
+    """A worst frequency, or that there is none: the pose is unstable."""
+    return f"{frequency:.3f} Hz{' (unstable)' if frequency == 0 else ''}"
+
+
 def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet]:
     """Worst pose, bands, percentiles, limiting cylinders and origin of the stiffness."""
     machine = frequencies.machine

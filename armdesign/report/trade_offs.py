@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from armdesign.report.maps import hertz
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units, percent
 
@@ -30,8 +31,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     banded = ("banded_hz", "least_gain") if front.robust else ()
     shown = ("frequency_hz", "gain", *banded, *names, "squared_times_speed")
     texts: dict[str, Callable[[float], str]] = {"gain": percent, "least_gain": percent}
-    texts |= {name: "{:.3f} Hz".format for name in ("frequency_hz", "banded_hz")}
-    texts["squared_times_speed"] = "{:.2f}".format
+    texts |= {"frequency_hz": hertz, "banded_hz": hertz, "squared_times_speed": _ratio}
     first = front.designs[0]
     known = {"frequency_hz": first.before.worst.frequency}
     if front.robust:
@@ -56,15 +56,19 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     )
 
 
+def _ratio(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "–"
+
+
 def steps_sheet(answer: Steps) -> Sheet:
     """The best design for each number of pins that move."""
     today, first = answer.today, answer.steps[0].design
-    rows = [("today", f"{first.before.worst.frequency:.3f} Hz", *5 * ("",))]
+    rows = [("today", hertz(first.before.worst.frequency), *5 * ("",))]
     for step in answer.steps:
         rows.append(
             (
                 str(len(step.pins)),
-                f"{step.design.after.worst.frequency:.3f} Hz",
+                hertz(step.design.after.worst.frequency),
                 percent(step.gain),
                 "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
                 ", ".join(step.changed),

@@ -11,13 +11,26 @@ import pytest
 
 import armdesign as ad
 from armdesign.report.design_report import bandwidth_rows, bandwidth_section
-from armdesign.report.designs import design_sheets
+from armdesign.report.designs import design_sheets, summary
 from armdesign.report.least import least_sentence
 from armdesign.report.maps import too_few_poses
 from armdesign.units import WORKSHOP, percent
+from tests import machines
 from tests.design.designs import MACHINES, workspace_of
 
 BANDS = ad.Bands(structure=(0.0, 1.0))
+
+
+def test_there_is_no_gain_over_an_unstable_machine() -> None:
+    """A digger on oil so soft that gravity overcomes it, and its stable design."""
+    machine = machines.rigid("mini_excavator_2t").replace({"fluid.bulk_modulus_MPa": 9.0})
+    design = ad.size_cylinders(machine, ad.Workspace.grid(machine, points=3))
+    today, new, gain = design_sheets(design)[0].rows
+    assert (today[1], gain[1]) == ("0.000 Hz (unstable)", "–")
+    assert new[1] == f"{design.after.worst.frequency:.3f} Hz"
+    assert f"from 0.000 Hz (unstable) to {new[1]} with the same" in summary(design)
+    texts = [summary(design), *(sheet.note for sheet in design_sheets(design)), repr(design)]
+    assert not any("inf" in text for text in texts)
 
 
 @pytest.mark.slow
