@@ -226,6 +226,21 @@ def test_a_pin_outside_its_outline_is_told(tmp_path: Path) -> None:
     assert "move the edge there out by 287.1 mm; until then designs are refused" in words
 
 
+@pytest.mark.parametrize("points", [3, 9])
+def test_a_cylinder_across_joints_that_ends_their_motion_uses_its_stroke(points: int) -> None:
+    """80 mm, where the joints would take it from 2958.2 to 3643.3 mm (an independent script over
+    1681 poses) of 3337.7 mm; whatever the workspace's grid.
+    """
+    wide = machines.named("crossing")
+    (k,) = [k for k, one in enumerate(wide.cylinders) if one.name == "long"]
+    assert inspect(wide, ad.Workspace.grid(wide, points)).stroke_used(k) == pytest.approx(
+        (3643.3 - 2958.2) / 3337.7, abs=1e-4
+    )
+    ends = {"cylinder.long.closed_length_mm": 3300, "cylinder.long.stroke_mm": 80}
+    short = wide.replace(ends)
+    assert inspect(short, ad.Workspace.grid(short, points)).stroke_used(k) == pytest.approx(1)
+
+
 def test_a_catalogue_that_the_machine_cannot_take_is_told() -> None:
     """Four cylinders on two joints; designs refuse what `check` tells."""
     machine = machines.demanding(machines.named("redundant"), 'catalogue = "iso"')
