@@ -394,7 +394,7 @@ PortOption = Annotated[
     typer.Option(
         "--port",
         callback=within("--port", 1024, 65535),
-        help="Of the page on this computer; default: the first free one from 8080.",
+        help="Of the page on this computer, 1024 to 65535; default: the first free one from 8080.",
         show_default=False,
     ),
 ]
