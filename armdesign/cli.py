@@ -49,6 +49,11 @@ if TYPE_CHECKING:
 
 _UsageError: Any = typer.BadParameter.__base__  # its home differs between versions of typer
 
+PLAINLY = {  # what a library says of wrong words, and how it is said here
+    "Value error, ": "",
+    "Input should be a valid integer, unable to parse string as an integer": "not a whole number",
+    "Input should be a valid number, unable to parse string as a number": "not a number",
+}
 INTERRUPTED = 130  # exit code, 128 + SIGINT
 
 app = typer.Typer(
@@ -113,7 +118,7 @@ def optimize(
     run: OverWorkspace,
     search: AimedSearch,
     vary: VaryOption = "areas,pins",
-    least: LeastOption = "",
+    of: LeastOption = "",
     frequency: FrequencyOption = None,
 ) -> None:
     """Find better cylinder sizes and pins.
@@ -125,25 +130,25 @@ def optimize(
     from armdesign.report.least import least_sentence
     from armdesign.sweeps.numbers import of_search
 
-    if bool(least) != (frequency is not None):
+    if bool(of) != (frequency is not None):
         raise ArmDesignError("--least", "goes with --frequency", "give both, or neither")
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
         run.go_on(out)
         options: dict[str, Any] = {"vary": listed(vary), **search.settings}
-        if least:
+        if of:
             for name, default in (("objective", "gain"), ("damping", None)):
                 if options.pop(name) != default:
                     fault = "goes not with --least, which has an aim of its own"
                     raise ArmDesignError(f"--{name}", fault, "give one of them")
-            options |= {"of": least, "frequency": frequency}
+            options |= {"of": of, "frequency": frequency}
         design = _design(model, workspace, options, say)
     with run.writing(out) as folder:
         output.write_design(design, folder)
     leads = []
-    if least and frequency is not None:
-        leads.append(least_sentence(design, least, frequency, run.units.units))
+    if of and frequency is not None:
+        leads.append(least_sentence(design, of, frequency, run.units.units))
     stopped = None
     with run.progress("proving how much more no design can reach; Ctrl-C: the answer without"):
         try:
@@ -151,7 +156,7 @@ def optimize(
         except KeyboardInterrupt as stop:
             design, stopped = design.unproved(), stop
             sheets = design_sheets(design, run.units.units)
-    run.show([*leads, *sheets], lambda: of_search(design, least))
+    run.show([*leads, *sheets], lambda: of_search(design, of))
     if stopped is not None:
         raise stopped
 
@@ -401,7 +406,9 @@ def main() -> None:
             output.tell_error(error)
             sys.exit(2)
         except _UsageError as error:
-            message = error.format_message().replace("Value error, ", "")
+            message = error.format_message()
+            for theirs, ours in PLAINLY.items():
+                message = message.replace(theirs, ours)
             usage = message.startswith("Usage")
             for line in message.splitlines() if usage else [f"armdesign: {message}"]:
                 tell(line, sys.stderr)

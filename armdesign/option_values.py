@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, get_args
 
 from armdesign.errors import ArmDesignError, choose
 from armdesign.units import deg, mm
@@ -24,6 +25,43 @@ def refuse_empty(words: Sequence[str]) -> None:
         if not word or (option.startswith("--") and equals and not value):
             fault, remedy = "is followed by an empty word", "give a value, or leave it out"
             raise ArmDesignError(option or before, fault, remedy)
+
+
+def option_name(annotation: Any) -> str | None:
+    """Name of an option, as ``--points``, by its parameter's annotation; None of an argument."""
+    (info,) = get_args(annotation)[1:]
+    names = map(str, (info.default, *(info.param_decls or ())))  # typer takes the first for it
+    return next((name.partition("/")[0] for name in names if name.startswith("--")), None)
+
+
+@contextmanager
+def naming_options(names: Mapping[str, str]) -> Iterator[None]:
+    """An error that blames an argument of a function names the option that was typed for it.
+
+    Args:
+        names: of the options on the command line, by their arguments.
+    """
+    try:
+        yield
+    except ArmDesignError as error:
+        argument, *more = error.part.split(" ", 1)
+        if argument in names:
+            error.part = " ".join([names[argument], *more])
+            error.tell_line(error.line)
+        raise
+
+
+def within(option: str, low: int, high: int | None = None) -> Callable[[int | None], int | None]:
+    """Checks the whole number of an option: from ``low`` to ``high``, if there is one."""
+
+    def checked(value: int | None) -> int | None:
+        if value is not None and not low <= value <= (value if high is None else high):
+            ends = f"of {low} or more" if high is None else f"from {low} to {high}"
+            fault, remedy = f"{value} is not allowed", f"give a whole number {ends}"
+            raise ArmDesignError(option, fault, remedy)
+        return value
+
+    return checked
 
 
 def grid_points(points: str) -> int | list[int] | None:

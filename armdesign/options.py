@@ -11,7 +11,10 @@ from typing import Annotated
 import typer
 
 from armdesign.arguments import MOST
+from armdesign.option_values import within
 from armdesign.units import SI, WORKSHOP, Units
+
+STARTS, WORKERS = (within(f"--{name}", 1, MOST[name]) for name in ("starts", "workers"))
 
 
 class Habit(StrEnum):
@@ -109,8 +112,7 @@ StartsOption = Annotated[
     int | None,
     typer.Option(
         "--starts",
-        min=1,
-        max=MOST["starts"],
+        callback=STARTS,
         help="Starts of the search; default: 3, or 4 where four-bars move.",
     ),
 ]
@@ -118,8 +120,7 @@ StartsOfSetsOption = Annotated[
     int | None,
     typer.Option(
         "--starts",
-        min=1,
-        max=MOST["starts"],
+        callback=STARTS,
         help="Starts of each set of pins: today's, the best of one pin less, then drawn ones;"
         " default: the first two.",
     ),
@@ -128,15 +129,13 @@ WorkersOption = Annotated[
     int | None,
     typer.Option(
         "--workers",
-        min=1,
-        max=MOST["workers"],
+        callback=WORKERS,
         help="Processes that share the starts, and the poses of simulations; default: 1, for"
         " pareto and steps each core.",
     ),
 ]
 PosesWorkersOption = Annotated[
-    int,
-    typer.Option("--workers", min=1, max=MOST["workers"], help="Processes that share the poses."),
+    int, typer.Option("--workers", callback=WORKERS, help="Processes that share the poses.")
 ]
 PointsOption = Annotated[
     str,
@@ -291,7 +290,10 @@ BandwidthOrNotOption = Annotated[
 ]
 CountOption = Annotated[int, typer.Option("--count", help="Number of machines.")]
 SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, help="Of the chance; equal ones repeat it.")
+    int,
+    typer.Option(
+        "--seed", callback=within("--seed", 0), help="Of the chance; equal ones repeat it."
+    ),
 ]
 LeastFrequencyOption = Annotated[
     float | None,
@@ -391,9 +393,8 @@ PortOption = Annotated[
     int | None,
     typer.Option(
         "--port",
-        min=1024,
-        max=65535,
-        help="Of the page on this computer; default: the first free one from 8080.",
+        callback=within("--port", 1024, 65535),
+        help="Of the page on this computer, 1024 to 65535; default: the first free one from 8080.",
         show_default=False,
     ),
 ]
@@ -420,8 +421,7 @@ ProcessesOption = Annotated[
     int | None,
     typer.Option(
         "--workers",
-        min=1,
-        max=MOST["workers"],
+        callback=WORKERS,
         help="Processes; default: one per processor.",
         show_default=False,
     ),

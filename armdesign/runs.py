@@ -20,7 +20,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from armdesign.errors import ArmDesignError
-from armdesign.option_values import bands_to_use, grid_points, offered_sizes
+from armdesign.option_values import (
+    bands_to_use,
+    grid_points,
+    naming_options,
+    offered_sizes,
+    option_name,
+)
 from armdesign.options import (
     CatalogueOption,
     DampingOption,
@@ -81,11 +87,13 @@ def command(function: Command, *, without: Collection[str] = ()) -> Command:
     parameters = [*required, *(p for p in [*own, *shared] if p not in required)]
 
     def run(**given: Any) -> None:
+        typed = [p for p in parameters if given.get(p.name, p.default) != p.default]
+        names = {p.name: one for p in typed if (one := option_name(p.annotation))}
         for key, group in groups.items():
             values = {p.name: given.pop(p.name) for p in _options(group) if p.name in given}
             given[key] = group(**values, **({"command": name} if issubclass(group, Shown) else {}))
         shown = next(group for group in given.values() if isinstance(group, Shown))
-        with shown.answering():
+        with shown.answering(), naming_options(names):
             function(**given)
 
     run.__name__, run.__doc__, run.__module__ = name, function.__doc__, function.__module__

@@ -288,7 +288,7 @@ def test_a_trade_off_is_a_table_and_a_picture(
         ),
         (
             ["--against", "speed"],
-            "against: 'speed' is not allowed; choose from: oil, thrust, digging, lift, pin_box",
+            "--against: 'speed' is not allowed; choose from: oil, thrust, digging, lift, pin_box",
         ),
     ],
 )

@@ -173,6 +173,35 @@ def test_an_unknown_vary_is_one_line(
     words = ["optimize", "excavator_20t", "--points", "4", "--out", str(tmp_path), "--vary"]
     assert main([*words, "areas,cylinder.boom.bore"], monkeypatch) == 2
     assert capsys.readouterr().err.splitlines() == [
-        "armdesign: vary cylinder.boom.bore: nothing of this name can vary; "
+        "armdesign: --vary cylinder.boom.bore: nothing of this name can vary; "
         'did you mean "cylinder.boom.bore_mm"?'
     ]  # fmt: skip
+
+
+OPTIONS = [  # named as they were typed, not as the arguments that they become
+    ("optimize --least money --frequency 7", '--least: "money" is not allowed; give one of oil'),
+    ("optimize --least oil --frequency -7", "--frequency: -7 Hz is not allowed"),
+    ("optimize --objective speed", "--objective: 'speed' is not allowed; choose from: gain"),
+    ("optimize --starts 0", "--starts: 0 is not allowed; give a whole number from 1 to 10000"),
+    ("optimize --frequency fast --least oil", "'--frequency': not a number"),
+    ("tolerances --seed -1", "--seed: -1 is not allowed; give a whole number of 0 or more"),
+    ("view --port 99999", "--port: 99999 is not allowed; give a whole number from 1024 to 65535"),
+    ("view --port many", "'--port': not a whole number"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), OPTIONS)
+def test_options_are_named_as_they_were_typed(words: str, message: str, refused: Refused) -> None:
+    command, *options = words.split()
+    refused([command, "paper_1dof", *options], message)
+
+
+def test_what_was_not_typed_is_no_option(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A catalogue that the file names is not the option of that name."""
+    machine = machines.demanding(machines.named("redundant"), 'catalogue = "iso"')
+    path = machine.save(tmp_path / "redundant.toml")
+    words = ["optimize", str(path), "--points", "3", "--out", str(tmp_path / "out")]
+    assert main(words, monkeypatch) == 2
+    assert capsys.readouterr().err.startswith("armdesign: catalogue: odd has 4 cylinders on 2")

@@ -41,7 +41,7 @@ ROOMS = (
     *("simulation.plant", "simulation.excitation", "simulation.identification", "simulation"),
     *("control", "bandwidth_search", "optimization", "motion"),
     *("drawing", "exchange", "plots", "viewing", "report", "paper", "influence", "sweeps"),
-    *("output", "options", "option_values", "json_document", "runs"),
+    *("output", "option_values", "options", "json_document", "runs"),
     "output_reports",
     *(
         "cli_control",

@@ -14,6 +14,7 @@ import numpy as np
 
 from armdesign.arrays import Array, weighted_share
 from armdesign.frequency.cases import CasePoses, load_cases
+from armdesign.frequency.joint_grid import joint_axes, mesh
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.inspection.implausible_values import suspicions
@@ -133,9 +134,18 @@ class Inspection:
         return levers
 
     def stroke_used(self, cylinder: int) -> float:
-        """Share of its stroke that a cylinder passes over the joint ranges."""
-        length = self.machine.linkages[cylinder].length(self.poses_of(cylinder))
-        return float(np.ptp(length) / self.machine.cylinders[cylinder].stroke)
+        """Share of its stroke that a cylinder passes over the joint ranges.
+
+        One across several joints ends their motion itself where they would take it further.
+        """
+        machine, stroke = self.machine, self.machine.cylinders[cylinder].stroke
+        poses, linkage = self.poses_of(cylinder), machine.linkages[cylinder]
+        if len(linkage.joints) > 1:
+            q = mesh(joint_axes(machine, None, 0.0))
+            others = np.delete(machine.margins(q), cylinder, axis=1)
+            poses = machine.rigid_poses(q[others.min(axis=1, initial=np.inf) >= 0])
+        closed = machine.cylinders[cylinder].closed_length
+        return float(np.ptp(np.clip(linkage.length(poses), closed, closed + stroke)) / stroke)
 
     def share_held(self, payload: str) -> float:
         """Share of joint space within the workspace in which a load case exists."""

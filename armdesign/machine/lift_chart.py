@@ -41,6 +41,7 @@ STEPS = 6  # in the reach of the tool, about
 ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)  # times a power of ten
 MOST = 2_000  # places of a grid
 RANDOM = 64  # poses at which it is looked which joints raise the point
+UPRIGHT = math.sqrt(0.5)  # of a unit vector's height, nearer to the vertical than the horizontal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -246,7 +247,7 @@ def _point_and_joints(machine: Machine, section: LiftChartSection) -> tuple[Pin,
     """The point that carries the load, and the one or two joints that bring it to its place.
 
     By default the pin that carries the tool's link, if two joints raise it, or the tool; and of
-    the joints that raise the point, the first two from the root.
+    the joints that raise the point, the first two from the root, slewing apart.
     """
     tool, x = machine.tool, section.at_mm or (0.0, 0.0, 0.0)
     if section.link or section.at_mm:
@@ -256,11 +257,11 @@ def _point_and_joints(machine: Machine, section: LiftChartSection) -> tuple[Pin,
         at = -body.rotation.T @ body.translation
         point = Pin(link=tool.link, at=(float(at[0]), float(at[1]), float(at[2])))
         turns = body.joint >= 0 and machine.arm.coordinates[body.joint].revolute
-        if not turns or len(_raising(machine, point)) < 2:
+        if not turns or len(_usual(machine, _raising(machine, point))) < 2:
             point = tool
     raising = _raising(machine, point)
     if section.joints is None:
-        joints = raising[:2]
+        joints = _usual(machine, raising)[:2]
     else:
         joints = tuple(machine.joints.index(name) for name in section.joints)
     names = ", ".join(machine.joints[j] for j in raising) or "none"
@@ -286,6 +287,19 @@ def _raising(machine: Machine, point: Pin) -> tuple[int, ...]:
     slope = place_and_slopes(machine, point, joints, q)[1][:, 1]
     most = np.abs(slope).max(axis=0, initial=0.0)
     return tuple(j for j, size in zip(joints, most, strict=True) if size > 1e-9)
+
+
+def _usual(machine: Machine, raising: tuple[int, ...]) -> tuple[int, ...]:
+    """Of joints that raise a point those that do not slew, or all where there are no others.
+
+    A joint slews whose axis is nearer to the vertical than to the horizontal, as on a base that
+    is not level.
+    """
+    axes = machine.arm.kinematics(machine.ranges.mean(axis=1)[None]).axis[0]
+    joints = machine.arm.joints
+    return tuple(j for j in raising if not (joints[j].revolute and abs(axes[j, 2]) > UPRIGHT)) or (
+        raising
+    )
 
 
 def _round_step(machine: Machine) -> float:

@@ -202,8 +202,8 @@ def paper_chart(reproduction: Reproduction) -> Chart:
         ("identified in the sweep", reproduction.swept, "dots"),
         ("identified at small amplitude", reproduction.identified, "rings"),
     )
-    curves = []
-    for length in np.unique(at.link_length):
+    curves, lengths = [], np.unique(at.link_length)
+    for length in lengths:
         rows = np.flatnonzero(at.link_length == length)
         x = tuple(at.load_mass[rows].tolist())
         name, y = "computed, exact", tuple(exact[rows].tolist())
@@ -213,7 +213,10 @@ def paper_chart(reproduction: Reproduction) -> Chart:
             y = tuple(values[rows].tolist())
             curves.append(Curve(name=name, colour=MARK, x=x, y=y, kind=kind, words=words))
     return Chart(
-        title="Frequency against the load mass, a curve for each link length",
+        title=(
+            "Frequency against the load mass, a curve for each link length:"
+            f" {lengths[0]:g} m the highest, {lengths[-1]:g} m the lowest"
+        ),
         x="load mass m2 [kg]",
         y="frequency [Hz]",
         heads=("load, link", "in the sweep", "at small amplitude", *FORMULAS.values()),

@@ -39,15 +39,22 @@ class Places(LayoutEngine):
         renderer = fig._get_renderer()
         outside = _title_and_legends(fig, renderer)
         rooms = np.array([_usual_room(ax) for ax in axes])
-        sizes = np.zeros((len(axes), 2))
+        sizes, ticks = np.zeros((len(axes), 2)), list[int]()
         for _ in range(PASSES):
             _place(fig, axes, rooms, outside)
             for ax in axes:
                 ax.apply_aspect()
             before, sizes = sizes, np.array([ax.get_window_extent(renderer).size for ax in axes])
-            if np.all(np.abs(sizes - before) < ALIKE * sizes):
+            earlier, ticks = ticks, [len(axis.get_majorticklocs()) for axis in _axles(axes)]
+            if ticks == earlier and np.all(np.abs(sizes - before) < ALIKE * sizes):
                 break
             rooms = np.array([_room(ax, renderer) for ax in axes]) / fig.dpi
+
+
+def _axles(axes: Sequence[Any]) -> Iterator[Any]:
+    """The axes along and up."""
+    for ax in axes:
+        yield from (ax.xaxis, ax.yaxis)
 
 
 def _place(fig: Figure, axes: Sequence[Any], rooms: Array, outside: tuple[float, float]) -> None:

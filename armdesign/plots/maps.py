@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 FREQUENCY = "lowest coupled natural frequency [Hz]"
 LOADS = (INK, "#8a95a1", COMPUTED)  # of load cases: colours of no actuator
 TALLEST = 8.5  # [in] of a figure
+ASIDE = 0.05  # of a machine's size: how far from its place a tool may be seen
 PRESSURE = "largest static pressure / supply pressure"
 
 
@@ -259,8 +260,12 @@ def _pressure_curves(ax: Axes, frequencies: FrequencyMap, share: Array) -> None:
 
 
 def silhouette(ax: Axes, machine: Machine, worst: WorstPose) -> None:
-    """The machine at its worst pose, seen from the side, and the mark of its tool."""
-    view = side_view(machine, worst.q)
-    draw_machine(ax, machine, view, 0, fc=(1, 1, 1, 0.6), ec=INK, lw=0.9)
-    x, z = view.tool[0].tolist()
-    mark(ax, x, z, worst.frequency)
+    """The machine at its worst pose, seen from the side, and the mark of its tool.
+
+    A machine that slewing turns so far out of the picture that its tool is seen elsewhere than at
+    its reach is left out.
+    """
+    view, reach = side_view(machine, worst.q), machine.arm.reach(worst.q[None], worst.tool[None])
+    if abs(view.tool[0, 0] - reach[0]) < ASIDE * view.size:
+        draw_machine(ax, machine, view, 0, fc=(1, 1, 1, 0.6), ec=INK, lw=0.9)
+    mark(ax, float(reach[0]), float(worst.tool[2]), worst.frequency)

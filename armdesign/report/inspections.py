@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from armdesign.design.catalogue.sizes import refuse_shared_joints, sizes_and_grid
 from armdesign.design.requirements.candidate import CHECKED_POSES, reference_of
 from armdesign.design.requirements.holding import lift_pose
 from armdesign.design.requirements.places import HELD, clearances, pins_outside
@@ -202,6 +203,7 @@ def _implausible(inspection: Inspection, units: Units) -> Sheet:
     for fault in pins_outside(machine, requirements.outlines):
         part = fault.part.removeprefix(f"{machine.source.name}: ")
         rows += ((part, f"{fault.fault}: {fault.remedy}; until then designs are refused"),)
+    rows += tuple(_without_catalogue(machine))
     rows += tuple(_too_near(machine, requirements, units))
     note = "not errors: the file can be used, but check these numbers" if rows else ""
     if any(words.startswith(NO_FREQUENCIES) for _, words in rows):
@@ -209,6 +211,17 @@ def _implausible(inspection: Inspection, units: Units) -> Sheet:
     return Sheet(
         title="Implausible values" if rows else "No implausible values", rows=rows, note=note
     )
+
+
+def _without_catalogue(machine: Machine) -> Iterator[tuple[str, str]]:
+    """A catalogue of the file from which this machine's sizes cannot be chosen."""
+    if sizes_and_grid(machine, None)[0] is None:
+        return
+    try:
+        refuse_shared_joints(machine)
+    except ArmDesignError as error:
+        words = f"{error.fault}: {error.remedy}; until then designs are refused"
+        yield "requirements.catalogue", words
 
 
 def _too_near(

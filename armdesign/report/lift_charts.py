@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 TITLE = "Lift chart"
+NONE = (
+    "none: no place of the usual grid is within reach; [lift_chart] in the file gives another:"
+    " step_m, from_m, or link and at_mm of another point"
+)
 
 
 def lift_charts(machines: Mapping[str, Machine]) -> dict[str, LiftChart]:
@@ -58,7 +62,7 @@ def lift_columns(charts: Mapping[str, LiftChart]) -> dict[str, Array]:
 def lift_sheet(charts: Mapping[str, LiftChart], units: Units = WORKSHOP) -> Sheet:
     """Lift charts of machines, by reach and height."""
     if not charts:
-        return Sheet(title=TITLE, rows=(), note="none: no two joints bring the tool onto a grid")
+        return Sheet(title=TITLE, rows=(), note=NONE)
     first = next(iter(charts.values()))
     return _grid(first, units) if len(charts) == 1 else _list(charts, units)
 

@@ -94,7 +94,7 @@ def _of_reach(machine: Machine) -> list[Figure]:
             words=words[key],
             keys=(key,),
             unit="m",
-            values=None if value is None or value < 0 else (value,),  # a depth is none above 0
+            values=None if value is None or (key == "depth" and value < 0) else (value,),
         )
         for key, value in vars(reach_figures(machine)).items()
     ]

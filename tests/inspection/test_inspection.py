@@ -226,6 +226,33 @@ def test_a_pin_outside_its_outline_is_told(tmp_path: Path) -> None:
     assert "move the edge there out by 287.1 mm; until then designs are refused" in words
 
 
+@pytest.mark.parametrize("points", [3, 9])
+def test_a_cylinder_across_joints_that_ends_their_motion_uses_its_stroke(points: int) -> None:
+    """80 mm, where the joints would take it from 2958.2 to 3643.3 mm (an independent script over
+    1681 poses) of 3337.7 mm; whatever the workspace's grid.
+    """
+    wide = machines.named("crossing")
+    (k,) = [k for k, one in enumerate(wide.cylinders) if one.name == "long"]
+    assert inspect(wide, ad.Workspace.grid(wide, points)).stroke_used(k) == pytest.approx(
+        (3643.3 - 2958.2) / 3337.7, abs=1e-4
+    )
+    ends = {"cylinder.long.closed_length_mm": 3300, "cylinder.long.stroke_mm": 80}
+    short = wide.replace(ends)
+    assert inspect(short, ad.Workspace.grid(short, points)).stroke_used(k) == pytest.approx(1)
+
+
+def test_a_catalogue_that_the_machine_cannot_take_is_told() -> None:
+    """Four cylinders on two joints; designs refuse what `check` tells."""
+    machine = machines.demanding(machines.named("redundant"), 'catalogue = "iso"')
+    workspace = ad.Workspace.grid(machine, 3)
+    sheet = check_sheets(inspect(machine, workspace))[-1]
+    (words,) = [words for part, words in sheet.rows if part == "requirements.catalogue"]
+    assert "4 cylinders on 2 joints: their static forces depend on the sizes" in words
+    assert words.endswith("until then designs are refused")
+    with pytest.raises(ad.ArmDesignError, match="4 cylinders on 2 joints"):
+        ad.size_cylinders(machine, workspace)
+
+
 def test_arms_of_slides_are_no_lengths_also_where_they_change() -> None:
     """A cylinder aslant of its slide: its arm, the cosine of their angle, changes on the way."""
     slide = machines.Joint("out", "root", axis=(1, 0, 0), kind="prismatic", limits=(-0.2, 0.2))

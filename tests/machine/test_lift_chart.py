@@ -14,7 +14,7 @@ from armdesign import ArmDesignError, LiftChart, Machine
 from armdesign.inspection.inspection import inspect
 from armdesign.machine.lifting import liftable_masses, torque_per_mass
 from armdesign.machine.tipping import moving_mass, tipping_masses
-from tests.machines import BOOM, LIFT, STICK, build, named
+from tests.machines import BOOM, FOLD, LIFT, STICK, Joint, build, named
 from tests.planar_arm import at
 from tests.planar_file import read_payload
 from tests.reference_planar import Reference
@@ -237,6 +237,25 @@ def test_slewing_changes_no_chart() -> None:
     one, other = ad.lift_chart(machine), ad.lift_chart(slewing)
     np.testing.assert_allclose(other.capacity, one.capacity, rtol=1e-9)
     assert other.limiting == one.limiting
+
+
+def test_a_slew_on_a_base_that_is_not_level_brings_no_point_to_its_place() -> None:
+    """Slewing moves heights there, too; the chart is that of a column that stands still."""
+    column = Joint("column", "root", rpy=(0.05, -0.07, 0), axis=(0, 0, 1), kind="continuous")
+    joints = [column, replace(BOOM, parent="column"), replace(STICK, limits=(-0.7, 0.6))]
+    cylinders = [replace(LIFT, base=("column", (0.7, 0, 0.1))), FOLD]
+    motor = (
+        "[motor.column]\ndisplacement_cm3 = 250\ngear_ratio = 28\n"
+        "trapped_volume_l = { a = 0.6, b = 0.6 }"
+    )
+    slewing = ad.lift_chart(build(joints, cylinders, more=motor))
+    joints[0] = replace(column, kind="fixed")
+    standing = ad.lift_chart(build(joints, cylinders, order=["boom", "stick"]))
+    np.testing.assert_allclose(slewing.reach, standing.reach)
+    np.testing.assert_allclose(slewing.height, standing.height)
+    np.testing.assert_allclose(slewing.q, np.insert(standing.q, 0, 0.0, axis=1), atol=1e-9)
+    np.testing.assert_allclose(slewing.capacity, standing.capacity, rtol=1e-9)
+    assert len(slewing.reach) >= 3
 
 
 def test_the_table_says_point_joints_and_grid() -> None:

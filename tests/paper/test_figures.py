@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign.paper.reproduction import Reproduction
+from armdesign.paper.sheets import paper_chart
 
 
 @pytest.mark.slow
@@ -25,3 +26,13 @@ def test_pictures_have_the_papers_form(corners: Reproduction) -> None:
         assert colours == ["#3b82c4"] * 2 + ["#e5484d"] * 2
     drawn = np.concatenate([line.get_ydata() for line in left.lines[:2]])
     assert_allclose(np.sort(drawn), np.sort(corners.computed["static_11"]))
+
+
+@pytest.mark.slow
+def test_the_chart_by_mass_says_which_curve_is_which(corners: Reproduction) -> None:
+    """A longer link has more inertia: the line of the shortest is the highest."""
+    chart = paper_chart(corners)
+    short, *_, long = [curve.y for curve in chart.curves if curve.kind == "line"]
+    assert min(np.subtract(short, long)) > 0
+    ends = np.unique(corners.mechanism.link_length)
+    assert f"{ends[0]:g} m the highest, {ends[-1]:g} m the lowest" in chart.title

@@ -10,7 +10,7 @@ import numpy as np
 import armdesign as ad
 from armdesign import plots
 from tests.frequency.cached import mapped
-from tests.machines import named
+from tests.machines import CylinderSpec, Joint, build, named
 
 PIXEL = 1.0  # what rounding of letters to pixels may add
 
@@ -43,6 +43,21 @@ def test_nothing_is_off_the_paper_or_over_another() -> None:
             assert max(box.x1 - fig.bbox.width, box.y1 - fig.bbox.height) < PIXEL, name
         for one, other in combinations(boxes, 2):
             assert not one.padded(-PIXEL).overlaps(other), name
+
+
+def test_ticks_that_change_with_the_last_of_the_size_have_room() -> None:
+    """Numbers of one digit became ones of two as the axes grew by less than a twentieth."""
+    lift = Joint("lift", "root", xyz=(1.1, 0, 1.9), limits=(-0.7, 0.14))
+    bucket = Joint("bucket", "lift", xyz=(2.7, 0, 0), limits=(-0.7, 0.64))
+    cylinders = [
+        CylinderSpec("lift", ("root", (1.05, 0, 0.9)), ("lift", (1.7, 0, -0.18))),
+        CylinderSpec("tilt", ("lift", (0.5, 0, 0.43)), ("bucket", (-0.06, 0, 0.42))),
+    ]
+    loader = build([lift, bucket], cylinders, payload=("bucket", (1.15, 0, -0.06)))
+    fig = plots.machine_drawing(loader).figure
+    fig.canvas.draw()
+    one, other = (ax.get_tightbbox(for_layout_only=True) for ax in fig.axes)
+    assert not one.padded(-PIXEL).overlaps(other)
 
 
 def test_axes_of_a_grid_have_one_size() -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import armdesign as ad
 from armdesign import plots
 from armdesign.drawing.colours import ACTUATORS
 from tests.frequency.cached import mapped
+from tests.machines import BOOM, FOLD, LIFT, STICK, CylinderSpec, Joint, build
 
 
 @pytest.mark.parametrize("name", ["excavator_20t", "crossing", "branched"])
@@ -57,6 +60,29 @@ def test_load_cases_of_one_joint_are_told_apart(plane: str) -> None:
     for line in curves:
         of_actuator = "rigid load" in str(line.get_label())
         assert (line.get_color() in ACTUATORS) == of_actuator
+
+
+@pytest.mark.parametrize(("foot", "drawn"), [(0.0, False), (0.2, True)])
+def test_the_worst_pose_is_marked_at_its_reach(foot: float, drawn: bool) -> None:
+    """Reach is the distance from the root's vertical axis, the root of Pythagoras of x and y, and
+    no place in a side view: not where a slew is not level (``foot`` 0), nor where it stands apart
+    from that axis (0.2 m). The machine is drawn where its tool is seen near its place.
+    """
+    tilt = 0.0 if foot else 0.05
+    column = Joint(
+        "column", "root", xyz=(foot, 0, 0), rpy=(tilt, -tilt, 0), axis=(0, 0, 1), limits=(-1.2, 1)
+    )
+    joints = [column, replace(BOOM, parent="column"), STICK]
+    turn = CylinderSpec("turn", ("root", (foot - 0.2, 0.9, 0.3)), ("column", (0.3, 0.1, 0.3)))
+    lift = replace(LIFT, base=("column", (0.7, 0, 0.1)))
+    machine = build(joints, [turn, lift, FOLD])
+    frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, 4))
+    x, y, z = frequencies.worst.tool
+    assert abs(y) > 0.5
+    ax = frequencies.plot(plane="reach")
+    (ring, _) = [line for line in ax.lines if line.get_markersize() == 10]
+    np.testing.assert_allclose(ring.get_xydata()[0], (np.hypot(x, y), z))
+    assert bool(ax.patches) == drawn
 
 
 def test_a_reach_map_draws_its_own_cells() -> None:

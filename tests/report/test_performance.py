@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
+
 from armdesign.report.performance import figures, performance_sheet
 from armdesign.units import SI
 from tests import machines
@@ -43,3 +47,19 @@ def test_keys_of_numbers_are_those_of_a_csv_file() -> None:
     numbers = [value for f in figures(EXCAVATOR) for value in f.values or ()]
     assert len(keys) == len(numbers) == 3 * 13 + 5
     assert min(numbers) > 0
+
+
+def test_heights_below_the_root_are_figures_too() -> None:
+    """A boom 9 m lower has all heights 9 m lower, and its depth 9 m deeper."""
+    low = replace(machines.BOOM, xyz=(0.1, 0, 0.5 - 9))
+    deep = machines.build(
+        [low, machines.STICK],
+        [replace(machines.LIFT, base=("root", (0.7, 0, 0.1 - 9))), machines.FOLD],
+    )
+    usual = machines.build([machines.BOOM, machines.STICK], [machines.LIFT, machines.FOLD])
+    one, other = ({f.keys[0]: f.values for f in figures(m)} for m in (usual, deep))
+    for key, lower in (("reach", 0.0), ("height", -9.0), ("depth", 9.0)):
+        before, after = one[key], other[key]
+        assert before is not None
+        assert after is not None
+        assert after[0] == pytest.approx(before[0] + lower)

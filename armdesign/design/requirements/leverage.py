@@ -171,8 +171,9 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
     """Force of each cylinder alone at the tool (b,) [N]: extending, at its best angle (ISO 6015).
 
     The force is tangential to the tool's arc about the joint that the cylinder turns; joints
-    further out stand where their own cylinders dig best, of several the strongest. Cylinders that
-    turn no single joint between root and tool are left out.
+    further out stand where their own cylinders dig best, of several the strongest, those without
+    at the middle of their ranges. Cylinders that turn no single joint between root and tool are
+    left out.
     """
     arm, ranges = reference.today.arm, reference.today.ranges
     # by joint: its cylinders with their best positions and torques there, the strongest first
@@ -187,7 +188,7 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
     for several in known.values():
         several.sort(key=lambda one: float(-one[2][0].real))
     best = {joint: several[0][1] for joint, several in known.items()}
-    q = arm.limits.mean(axis=1)
+    q = ranges.mean(axis=1)
     for joint, where in best.items():
         q[joint] = where[0].real
     poses, tool = arm.kinematics(q[None]), reference.today.tool

@@ -215,7 +215,7 @@ IN_SECTION = {  # where a key means something else than in most tables
         "link": "that carries the load; default: by the pin of the tool's link, or the tool",
         "joints": (
             "the two that bring the point to its place, others stand at the middle of their range;"
-            " default: the first two that move its height"
+            " default: the first two that move its height, slewing apart"
         ),
     },
     "StabilitySection": {

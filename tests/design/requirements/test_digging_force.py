@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from armdesign.design.requirements.check import digging_forces
 from armdesign.design.requirements.performance import performances
 from tests.design.designs import MACHINES
 from tests.design.requirements.shared import own, reference
-from tests.machines import redundant
+from tests.machines import BOOM, LIFT, CylinderSpec, Joint, build, redundant
 
 
 def test_digging_force_by_the_independent_reference() -> None:
@@ -34,3 +36,18 @@ def test_each_of_two_cylinders_on_one_joint_has_its_force(reverse: bool) -> None
     torques = {machine.actuators[p.actuator].name: p.largest[0] for p in performances(machine)}
     assert forces["lift"] / forces["help"] == pytest.approx(torques["lift"] / torques["help"])
     assert forces == pytest.approx(other)
+
+
+def test_a_telescope_stands_at_the_middle_of_its_stroke() -> None:
+    """Its limits reach from -1.2 to 3 m, but its cylinder, 2.3 m long at 0, is 1.45 times as long
+    when open. The tool is 0.2 m below the line along which it slides, 3.5 m out at 0.
+    """
+    slide = Joint(
+        "slide", "boom", xyz=(2.5, 0, 0), axis=(1, 0, 0), kind="prismatic", limits=(-1.2, 3.0)
+    )
+    push = CylinderSpec("push", ("boom", (0.2, 0, 0.3)), ("slide", (0.0, 0, 0.3)))
+    machine = build([BOOM, slide], [LIFT, push])
+    middle = (-1.2 + 0.45 * 2.3) / 2
+    torque = next(float(p.largest[0]) for p in performances(machine))
+    force = torque / math.hypot(3.5 + middle, 0.2)
+    assert digging_forces(machine) == {"lift": pytest.approx(force, rel=1e-6)}
