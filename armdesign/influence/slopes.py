@@ -133,18 +133,19 @@ def change_along(machine: Machine, rival: Rival, steps: Mapping[Number, float]) 
 
     Where numbers tilt a slew, or the lowest modes coincide, changes by each do not add up.
     """
-    kept = rival.ends.multipliers
-    change = -sum(kept @ rival.ends.by_other_keys(n.location) * step for n, step in steps.items())
+    ends, change = rival.ends, 0.0
+    for number, step in steps.items():
+        change -= float(ends.multipliers @ ends.by_other_keys(number.location)) * step
     along = {
         n.location: np.array([n.value + 1j * STEP * step])
         for n, step in steps.items()
         if can_matter(n.location)
     }
     if along:
-        change += _of_family(rival, Family.of(machine, along, 1))[0, 0] / STEP
+        change += float(_of_family(rival, Family.of(machine, along, 1))[0, 0]) / STEP
     moving = {n: step for n, step in steps.items() if moves_the_arm(n.location)}
     if moving:
         part = min(DIFFERENCE / max(map(abs, moving.values())), 1 / STEPS[-1])
         parts = {n.location: (n.value, part * step) for n, step in moving.items()}
         change += _one_sided(machine, rival, parts) / part
-    return float(change)
+    return change

@@ -94,7 +94,7 @@ def sensitivity_curves(
         width, colour = (2.0 if k == 0 else 1.2), COLOURS[(k + 1) % len(COLOURS)]
         left = 100 * shaper.residual(frequency)
         ratios = {part.damping for part in shaper.parts}
-        more = "; damping of the nearest mode" if len(ratios) > 1 else ""
+        more = "\ndamping of the nearest mode" if len(ratios) > 1 else ""
         ax.plot(frequency, left, color=colour, lw=width, label=shaper.words + more)
     ax.axhline(TOLERATED, color=INK, lw=0.8, ls="--", label=f"{TOLERATED:g} %")
     ax.set(xlabel="frequency [Hz]", ylabel="residual vibration [% of a step's]")
