@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from armdesign.arrays import Array, Flags, ReadOnly
-from armdesign.errors import TopplingError
+from armdesign.errors import PoseError, TopplingError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, refuse_toppling
@@ -73,6 +73,21 @@ def load_cases(
         loaded = replace(machine, payload=replace(payload, mass=payload_share * payload.mass))
         exists = workspace.holds(payload)
         yield CasePoses(machine=loaded, workspace=workspace, exists=exists, link_share=link_share)
+
+
+def refuse_missing(cases: Sequence[CasePoses]) -> None:
+    """Raise for a load case that exists at no pose.
+
+    Raises:
+        PoseError: names its pitch in the file.
+    """
+    for case in cases:
+        if not case.exists.any():
+            payload = case.machine.payload
+            path, link = ".".join(payload.limit_location), payload.link
+            part, line = f"{case.machine.source.name}: {path}", case.machine.line_of(path)
+            fault = f"link {link} has that pitch at no pose of the workspace"
+            raise PoseError(part, fault, "widen it, or remove the load case", line)
 
 
 def groups_by_case(

@@ -13,7 +13,7 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, ReadOnly, congruent, percentiles, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands, FrequencyBand, band_about
-from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of, refuse_missing
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.frequency.reach_map import ReachMap, reach_map
 from armdesign.frequency.workspace import Workspace
@@ -243,7 +243,7 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
     """
     workspace = workspace or Workspace.grid(machine)
     cases = list(load_cases(machine, workspace))
-    _refuse_missing(cases)
+    refuse_missing(cases)
     ends = np.cumsum([0, *(case.exists.sum() for case in cases)])
     columns = _columns(machine)
     values = np.empty((len(columns), ends[-1]))
@@ -275,17 +275,6 @@ def frequency_map(machine: Machine, workspace: Workspace | None = None) -> Frequ
         machine=machine,
         workspace=workspace,
     )
-
-
-def _refuse_missing(cases: Sequence[CasePoses]) -> None:
-    """Raises an error for a load case that exists at no pose."""
-    for case in cases:
-        if not case.exists.any():
-            payload = case.machine.payload
-            path, link = ".".join(payload.limit_location), payload.link
-            part, line = f"{case.machine.source.name}: {path}", case.machine.line_of(path)
-            fault = f"link {link} has that pitch at no pose of the workspace"
-            raise PoseError(part, fault, "widen it, or remove the load case", line)
 
 
 def _modes(case: Machine, poses: Poses) -> Modes:

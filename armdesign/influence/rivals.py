@@ -8,7 +8,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of
+from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of, refuse_missing
 from armdesign.frequency.modes import lowest_frequency, natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import WorstPose, local_minima, worst_pose
@@ -98,9 +98,11 @@ def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tu
         within: share of the worst frequency by which a rival may lie above it.
 
     Raises:
-        ArmDesignError: the machine is unstable at its worst pose, where no derivative exists.
+        ArmDesignError: a load case exists at no pose, or the machine is unstable at its worst
+            pose, where no derivative exists.
     """
     cases = list(load_cases(machine, workspace))
+    refuse_missing(cases)
     parts: dict[CasePoses, list[Array]] = {case: [] for case in cases}
 
     def lowest(case: CasePoses, rigid: RigidPoses) -> Array:
@@ -111,7 +113,6 @@ def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tu
     minima = [
         (case, q, value)
         for case, values in parts.items()
-        if case.exists.any()
         for q, value in _minima(case, np.concatenate(values))
     ]
     minima.sort(key=lambda minimum: minimum[2])

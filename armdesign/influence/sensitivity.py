@@ -290,7 +290,8 @@ def sensitivity(
         within: share of the worst frequency by which rivals may lie above it.
 
     Raises:
-        ArmDesignError: the machine is unstable at its worst pose, or ``within`` is no share.
+        ArmDesignError: a load case exists at no pose, the machine is unstable at its worst pose,
+            or ``within`` is no share.
 
     Example:
         >>> import armdesign as ad

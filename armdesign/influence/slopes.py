@@ -10,7 +10,7 @@ all of them, and upwards the lowest, downwards the greatest eigenvalue of Vᵀ (
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from armdesign.frequency.modes import inverse_cholesky
 from armdesign.influence.family import Family, can_matter, moves_the_arm, rebuilt
 from armdesign.influence.rivals import Rival
 from armdesign.influence.turns import at_worst_turn
+from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import Number
 from armdesign.machine.machine import Machine
 
@@ -109,15 +110,42 @@ def _by_differences(machine: Machine, rival: Rival, number: Number) -> Array:
     """
     far = STEPS[-1] * DIFFERENCE
     ways = [way for way in (1, -1) if number.low <= number.value + way * far <= number.high]
-    found = [_one_sided(machine, rival, number, way) for way in ways]
+    steps = ({number.location: (number.value, way * DIFFERENCE)} for way in ways)
+    changes = [_one_sided(machine, rival, step) for step in steps]
+    found = [way * change / DIFFERENCE for way, change in zip(ways, changes, strict=True)]
     return np.array([found[0], found[-1]])
 
 
-def _one_sided(machine: Machine, rival: Rival, number: Number, way: int) -> float:
-    """Derivative of a rival's frequency by a number to one side."""
+def _one_sided(
+    machine: Machine, rival: Rival, steps: Mapping[Location, tuple[float, float]]
+) -> float:
+    """Change of a rival's frequency [Hz] by steps from values of numbers, to first order."""
     total = 0.0
-    for step, weight in zip(STEPS, WEIGHTS, strict=True):
-        value = number.value + way * step * DIFFERENCE
-        other = rebuilt(machine, {number.location: value}) if step else machine
+    for count, weight in zip(STEPS, WEIGHTS, strict=True):
+        values = {at: value + count * step for at, (value, step) in steps.items()}
+        other = rebuilt(machine, values) if count else machine
         total += weight * at_worst_turn(machine, rival.of(other))[0]
-    return way * total / (12 * DIFFERENCE)
+    return total / 12
+
+
+def change_along(machine: Machine, rival: Rival, steps: Mapping[Number, float]) -> float:
+    """Change of a rival's frequency [Hz] by steps of numbers, all at once, to first order.
+
+    Where numbers tilt a slew, or the lowest modes coincide, changes by each do not add up.
+    """
+    ends, change = rival.ends, 0.0
+    for number, step in steps.items():
+        change -= float(ends.multipliers @ ends.by_other_keys(number.location)) * step
+    along = {
+        n.location: np.array([n.value + 1j * STEP * step])
+        for n, step in steps.items()
+        if can_matter(n.location)
+    }
+    if along:
+        change += float(_of_family(rival, Family.of(machine, along, 1))[0, 0]) / STEP
+    moving = {n: step for n, step in steps.items() if moves_the_arm(n.location)}
+    if moving:
+        part = min(DIFFERENCE / max(map(abs, moving.values())), 1 / STEPS[-1])
+        parts = {n.location: (n.value, part * step) for n, step in moving.items()}
+        change += _one_sided(machine, rival, parts) / part
+    return change

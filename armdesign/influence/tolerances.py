@@ -305,7 +305,8 @@ def tolerances(
 
     Raises:
         ArmDesignError: no widths, a number that has none, a count or least frequency that cannot
-            be, or a machine that is unstable at its worst pose.
+            be, a load case that exists at no pose, or a machine that is unstable at its worst
+            pose.
 
     Example:
         >>> import armdesign as ad

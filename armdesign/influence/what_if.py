@@ -1,17 +1,18 @@
 """What if: all that matters of a machine before and after a change, linear and exact.
 
-The linear estimate of the worst frequency comes from its exact derivatives at worst pose and
-rivals; of all other quantities the central difference of a hundredth of the change, or, where the
-two sides differ, as at a least or largest of several values, the difference to the side of the
-change. What jumps, as the worst pose between poses that are equally low and percentiles where
-poses begin or cease to hold the load, has an estimate only where it moves evenly.
+The linear estimates of worst frequencies come from exact derivatives, at worst pose and rivals of
+each load case, along all that changes; of all other quantities the central difference of a
+hundredth of the change, or, where the two sides differ, as at a least or largest of several
+values, the difference to the side of the change. What jumps, as the worst pose between poses that
+are equally low and percentiles where poses begin or cease to hold the load, has an estimate only
+where it moves evenly.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -28,7 +29,7 @@ from armdesign.influence.bandwidth import SCHEMES, bandwidths, name_of
 from armdesign.influence.estimates import impossible
 from armdesign.influence.family import rebuilt
 from armdesign.influence.rivals import rivals
-from armdesign.influence.slopes import slopes
+from armdesign.influence.slopes import change_along
 from armdesign.machine.changes import changed_machine, numeric_changes
 from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import numbers_of
@@ -377,8 +378,8 @@ def _linear(
         known = not isinstance(value, str) and value is not None and None not in ends
         if known and not name.startswith(COUNTED) and not _is_idle(name, machine):
             estimates[name] = _estimate(name, value, *ends)
-    estimates[WORST] = _worst(machine, steps, points)
-    return estimates
+    exact = _frequency_changes(machine, steps, Workspace.grid(machine, points))
+    return estimates | {name: before[name][0] + change for name, change in exact.items()}
 
 
 def _estimate(name: str, value: float, after: float, before: float) -> float:
@@ -408,19 +409,20 @@ def _evenly(
     return abs(gone - come) <= still + share * (abs(come) + abs(gone))
 
 
-def _worst(
-    machine: Machine,
-    steps: Mapping[Location, tuple[float, float]],
-    points: int | Sequence[int] | None,
-) -> float:
-    """The worst frequency [Hz] by exact derivatives, the lowest of worst pose and rivals."""
+def _frequency_changes(
+    machine: Machine, steps: Mapping[Location, tuple[float, float]], grid: Workspace
+) -> dict[str, float]:
+    """Changes of the worst frequency [Hz] of all load cases and of each, by worst and rivals."""
     numbers = [n for n in numbers_of(machine.section).values() if n.location in steps]
-    change = np.array([steps[n.location][1] - steps[n.location][0] for n in numbers])
-    lines = []
-    for rival in rivals(machine, Workspace.grid(machine, points)):
-        slope = slopes(machine, rival, numbers)
-        lines.append(rival.frequency + np.where(change > 0, slope.T[0], slope.T[1]) @ change)
-    return float(min(lines))
+    changes = {n: steps[n.location][1] - steps[n.location][0] for n in numbers}
+    today, new = {}, {}
+    for case in machine.payloads:
+        alone = replace(machine, payload=case, payloads=(case,))
+        poses = rivals(alone, grid)
+        today[case.name] = poses[0].frequency
+        new[case.name] = min(one.frequency + change_along(alone, one, changes) for one in poses)
+    of_cases = {f"{name}{WORST_POSE}": new[name] - today[name] for name in new}
+    return {**of_cases, WORST: min(new.values()) - min(today.values())}
 
 
 def _frame(before: Quantities, linear: Mapping[str, float], after: Quantities) -> pd.DataFrame:

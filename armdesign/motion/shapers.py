@@ -245,14 +245,29 @@ class Shaper(ReadOnly):
 
         Args:
             frequency: of any shape [Hz].
-            damping: ratio, or one for each frequency; None: the one that the shaper is made for.
+            damping: ratio, or one for each frequency; None: the one that the shaper is made for,
+                of several modes that of the nearest.
         """
-        zeta = np.asarray(self.damping if damping is None else damping, dtype=float)[..., None]
+        ratio = self._damping_near(frequency) if damping is None else damping
+        zeta = np.asarray(ratio, dtype=float)[..., None]
         omega = 2 * math.pi * np.asarray(frequency, dtype=float)[..., None]
         # e^{−ζω(t_n − t_i)}: as above, but without overflow
         sizes = self.amplitudes * np.exp(-zeta * omega * (self.delay - self.times))
         phase = omega * np.sqrt(1 - zeta**2) * self.times
         return np.asarray(np.abs((sizes * np.exp(1j * phase)).sum(axis=-1)))
+
+    def _damping_near(self, frequency: ArrayLike) -> Array:
+        """Damping ratio of the mode nearest to each frequency [Hz], of those it is made for."""
+        modes, ratios = self._modes
+        with np.errstate(divide="ignore", invalid="ignore"):  # 0 Hz is nearest to the lowest
+            nearest = np.abs(np.log(np.asarray(frequency)[..., None] / modes)).argmin(axis=-1)
+        return np.asarray(ratios[nearest])
+
+    @property
+    def _modes(self) -> Array:
+        """Frequencies [Hz] of the modes that it is made for, and their damping ratios (2, n)."""
+        parts = sorted(self.parts or (self,), key=lambda part: part.low)
+        return np.array([((one.low + one.high) / 2, one.damping) for one in parts]).T
 
     def worst_residual(
         self, low: float | None = None, high: float | None = None, damping: float | None = None
@@ -268,8 +283,7 @@ class Shaper(ReadOnly):
         that is made for several modes the frequencies of all err by one share, and of each mode at
         most this residual is left.
         """
-        parts = self.parts or (self,)
-        modes, ratios = np.array([((one.low + one.high) / 2, one.damping) for one in parts]).T
+        modes, ratios = self._modes
         share = np.linspace(0.0, 1.0, SEARCHED)[:, None]
         above, below = (
             self.residual(modes * (1 + sign * share), ratios).max(axis=1) > residual * WITHIN

@@ -82,6 +82,8 @@ def sensitivity_curves(
 ) -> Axes:
     """Axes with the residual vibration of shapers against frequency, and 5 % to compare them.
 
+    Each at the damping that it is made for, of several modes that of the nearest.
+
     ``top``: highest frequency [Hz]; 0: 1.5 times the highest that they are made for.
     """
     if ax is None:
@@ -91,7 +93,9 @@ def sensitivity_curves(
     for k, shaper in enumerate(shapers):
         width, colour = (2.0 if k == 0 else 1.2), COLOURS[(k + 1) % len(COLOURS)]
         left = 100 * shaper.residual(frequency)
-        ax.plot(frequency, left, color=colour, lw=width, label=shaper.words)
+        ratios = {part.damping for part in shaper.parts}
+        more = "\ndamping of the nearest mode" if len(ratios) > 1 else ""
+        ax.plot(frequency, left, color=colour, lw=width, label=shaper.words + more)
     ax.axhline(TOLERATED, color=INK, lw=0.8, ls="--", label=f"{TOLERATED:g} %")
     ax.set(xlabel="frequency [Hz]", ylabel="residual vibration [% of a step's]")
     ax.set(xlim=(0, top), ylim=(0, 105))

@@ -129,6 +129,20 @@ def test_an_unstable_machine_has_no_slope() -> None:
         ad.sensitivity(machine, ad.Workspace.grid(machine, points=4))
 
 
+def test_a_load_case_that_exists_nowhere_is_refused_as_by_a_map() -> None:
+    """The worst of the other load cases would stand for that of the machine."""
+    machine = machines.named("excavator_20t").replace({"payload.full.link": "chassis"})
+    workspace = ad.Workspace.grid(machine, points=3)
+    with_widths = machine.replace({"tolerances.pin_mm": 1.0})
+    for ask in (
+        lambda: ad.frequency_map(machine, workspace),
+        lambda: ad.sensitivity(machine, workspace),
+        lambda: ad.tolerances(with_widths, workspace, count=16),
+    ):
+        with pytest.raises(ad.ArmDesignError, match="that pitch at no pose of the workspace"):
+            ask()
+
+
 def test_a_share_that_cannot_be_is_refused() -> None:
     machine = ad.load("paper_1dof")
     with pytest.raises(ad.ArmDesignError, match="within: -1 is not allowed"):

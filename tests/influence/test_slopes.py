@@ -13,7 +13,7 @@ from armdesign.arrays import Array
 from armdesign.frequency.worst_frequency import worst_anywhere
 from armdesign.influence.family import Family, rebuilt
 from armdesign.influence.rivals import Rival, rivals
-from armdesign.influence.slopes import eigenvalue_slopes, mass_slopes, slopes
+from armdesign.influence.slopes import change_along, eigenvalue_slopes, mass_slopes, slopes
 from armdesign.machine.file.numbers import Number, numbers_of
 from tests import machines
 from tests.machines import CylinderSpec, Joint
@@ -192,6 +192,35 @@ def test_a_tilt_of_the_slew_makes_another_turn_the_worst_to_either_side(path: st
         near, far = change(way * 1e-3), change(way * 2e-3)
         assert slope == pytest.approx(way * (4 * near - far) / 2e-3, rel=2e-3)
         assert slope * way < -0.04
+
+
+def test_two_tilts_at_once_make_one_turn_the_worst() -> None:
+    """Along both, against worst poses sought anew; the sum of each alone is that of two turns."""
+    machine = ad.Machine.from_text(SLEWING, "", Path("slewing.toml"))
+    rival = rivals(machine, ad.Workspace.grid(machine, points=9))[0]
+    known = numbers_of(machine.section)
+    numbers = [known[f"links.slew.axis.{k}"] for k in (0, 1)]
+
+    def change(step: float) -> float:
+        other = rebuilt(machine, {number.location: step for number in numbers})
+        anew = worst_anywhere(other, ad.Workspace.grid(other, points=[25, 9]))
+        return anew.frequency - rival.frequency
+
+    along = change_along(machine, rival, dict.fromkeys(numbers, 1.0))
+    assert along == pytest.approx((4 * change(1e-3) - change(2e-3)) / 2e-3, rel=2e-3)
+    assert along > 0.9 * slopes(machine, rival, numbers)[:, 0].sum()
+
+
+def test_along_one_number_the_change_is_its_slope() -> None:
+    """Of links, oil, load and pins, to either side."""
+    machine = ad.Machine.from_text(SLEWING, "", Path("slewing.toml"))
+    rival = rivals(machine, ad.Workspace.grid(machine, points=9))[0]
+    numbers = [*numbers_of(machine.section).values()]
+    for number, pair in zip(numbers, slopes(machine, rival, numbers), strict=True):
+        for way, slope in zip((1, -1), pair, strict=True):
+            if number.low <= number.value + 0.01 * way <= number.high:
+                along = change_along(machine, rival, {number: 0.01 * way})
+                assert along == pytest.approx(0.01 * way * slope, rel=1e-5, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -190,6 +190,24 @@ def test_every_mode_of_two_has_its_own_damping(ratios: tuple[float, float]) -> N
     assert f"{periods:.3g} periods" in both.words
 
 
+def test_a_curve_has_the_damping_of_the_nearest_mode() -> None:
+    """What is read off the picture about either mode is what is left to ring there; by the least
+    damping of all, the curve stood at 11 % where nothing is left.
+    """
+    modes, ratios = (1.0, 2.5), (0.3, 0.02)
+    both = Shaper.zvd(modes[1], ratios[1]) * Shaper.zvd(modes[0], ratios[0])
+    ax = both.plot()
+    frequency, left = np.array(ax.get_lines()[0].get_data())
+    for mode, ratio in zip(modes, ratios, strict=True):
+        for f in (0.9 * mode, mode, 1.1 * mode):
+            expected = 100 * rung(both, f, ratio)
+            assert np.interp(f, frequency, left) == pytest.approx(expected, abs=0.05)
+    words = ax.get_legend_handles_labels()[1]
+    assert "damping of the nearest mode" in words[0]
+    alike = (Shaper.zv(1.0, 0.02) * Shaper.zv(2.5, 0.02)).plot()
+    assert "nearest" not in alike.get_legend_handles_labels()[1][0]
+
+
 def test_a_shaped_command_is_a_convolution() -> None:
     """A ramp after ZV is the mean of two ramps; both ends are kept."""
     shaper = Shaper.zv(1.0)
