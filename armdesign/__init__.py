@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from armdesign.exchange.pin_table import pin_table as pin_table
     from armdesign.exchange.urdf import robot_positions as robot_positions
     from armdesign.frequency.bands import Bands as Bands
-    from armdesign.frequency.bands import FrequencyBand as FrequencyBand
-    from armdesign.frequency.bands import frequency_band as frequency_band
+    from armdesign.frequency.frequency_band import FrequencyBand as FrequencyBand
+    from armdesign.frequency.frequency_band import frequency_band as frequency_band
     from armdesign.frequency.maps import FrequencyMap as FrequencyMap
     from armdesign.frequency.maps import frequency_map as frequency_map
     from armdesign.frequency.modes import Modes as Modes
@@ -110,7 +110,8 @@ _NAMES = {  # public names by the module that has them
     "frequency.maps": "FrequencyMap frequency_map",
     "frequency.reach_map": "ReachMap",
     "frequency.worst_frequency": "WorstPose",
-    "frequency.bands": "Bands FrequencyBand frequency_band",
+    "frequency.bands": "Bands",
+    "frequency.frequency_band": "FrequencyBand frequency_band",
     "design.requirements.settings": "Requirements",
     "design.design": "Design",
     "design.optimize": "size_cylinders",

@@ -64,7 +64,7 @@ def worst_within(
     machine: Machine, workspace: Workspace, bands: Bands, today: Machine | None = None
 ) -> Worst:
     """The worst frequency within the bands, at every soft corner, searched one by one."""
-    at_end, masses = bands.at_end(machine, True, today), bands.mass_shares(machine)
+    at_end, masses = bands.at_end(machine, bands.ends[0], today), bands.mass_shares(machine)
     worst = [worst_frequency(at_end, workspace, *shares) for shares in masses]
     return min(worst, key=lambda one: one.frequency)
 

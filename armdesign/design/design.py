@@ -28,7 +28,8 @@ from armdesign.design.search.multistart import Starts
 from armdesign.design.search.prices import LEAST_PRICE, prices
 from armdesign.design.search.rounding import CheckedMachine, rounded_machine
 from armdesign.design.search.sequential_sdp import Search
-from armdesign.frequency.bands import Bands, FrequencyBand, frequency_band
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.frequency_band import FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import hertz
 from armdesign.frequency.workspace import Workspace

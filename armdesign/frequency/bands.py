@@ -1,4 +1,4 @@
-"""Uncertainty bands of oil, structure, load and mass, and the lowest frequency within them.
+"""Uncertainty bands of oil, structure, springs, load and mass: their ends and corners.
 
 Structure (pins, brackets, links, pillar) yields in series with each actuator: 1/k = 1/k_oil + c.
 Its c is stated as a share of today's oil's own compliance at mid stroke, 0 rigid and 1 as soft as
@@ -12,34 +12,24 @@ add inertia but also static load, and both of their ends are tried. With air the
 stiffens the oil, λ is no longer quasi-concave in the masses, and values between their ends are
 tried too: a sample, no proof.
 
-The gain of one machine over another has no such law: it may be least amid the bands. Designs are
-made for all soft and all stiff, and judged at mixed corners and at places between them too.
+The gain of one machine over another has no such law: it may be least where some bands are soft and
+others stiff, or amid them. So the ends of up to ``FEW`` bands are combined in all ways; of more,
+those of oil are soft or stiff together. Designs are made for these corners, and judged at the
+other combinations and at places between too.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from armdesign.arguments import checked
-from armdesign.arrays import Array, ReadOnly
 from armdesign.errors import ArmDesignError, choose
-from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
-from armdesign.frequency.workspace import Workspace
-from armdesign.frequency.worst_frequency import Lowest, Starts, lowest_of_poses, worst_frequency
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.machine.machine import Machine
-from armdesign.short_repr import short_repr
-
-if TYPE_CHECKING:
-    from armdesign.plots.canvas import Axes
 
 SAMPLES = 5  # of a mass, ends included, where the oil carries air
 BETWEEN = 15  # places between the corners at which gains are judged: one band's sixteenths
@@ -48,9 +38,13 @@ ASSUMED = (0.0, 1.0)  # structure of a file that states none: rigid, and as soft
 # allowed, of bands that may begin at zero; a share of a new cylinder's oil may be any
 ENDS = {"air": (0.0, 0.5), "structure": (0.0, 10.0), "structures": (0.0, 100.0)}
 MASSES = ("payload", "link_mass")
-SOFT_UP = ("dead_volume", "air", "structure", "structures")  # whose upper end is the soft one
+OIL, SPRINGS = ("bulk_modulus", "dead_volume", "air"), ("spring_stiffness",)
+STRUCTURE = "structure", "structures"
+SOFT_UP = ("dead_volume", "air", *STRUCTURE)  # whose upper end is the soft one
+FEW = 5  # bands, those of structure one, of which all combinations of ends are corners
 VOLUMES = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
 F = TypeVar("F", Cylinder, Motor)
+End: TypeAlias = frozenset[str]  # bands of stiffness that are soft, by name; the others are stiff
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,39 +133,39 @@ class Bands:
         stated = cls.of(machine)
         return cls(structure=ASSUMED) if stated == cls() else stated
 
-    def at_end(self, machine: Machine, softest: bool, today: Machine | None = None) -> Machine:
-        """The machine with oil, dead volumes, structure and springs at their soft or stiff ends.
+    def at_end(self, machine: Machine, soft: End, today: Machine | None = None) -> Machine:
+        """The machine with oil, dead volumes, structure and springs at ends of their bands.
 
         Shares of structure are of the oil of ``today``'s machine; of its own if None.
         """
         fluid, today = machine.fluid, today or machine
-        modulus = self.bulk_modulus[not softest] * fluid.bulk_modulus
-        air = fluid.air if self.air is None else self.air[softest]
+        modulus = self.bulk_modulus[_upper("bulk_modulus", soft)] * fluid.bulk_modulus
+        air = fluid.air if self.air is None else self.air[_upper("air", soft)]
+        spring = self.spring_stiffness[_upper("spring_stiffness", soft)]
         return replace(
             machine,
             fluid=replace(fluid, bulk_modulus=modulus, air=air),
-            cylinders=self.actuators_at_end(machine.cylinders, softest, today),
-            motors=self.actuators_at_end(machine.motors, softest, today),
+            cylinders=self.actuators_at_end(machine.cylinders, soft, today),
+            motors=self.actuators_at_end(machine.motors, soft, today),
             springs=tuple(
-                replace(one, stiffness=self.spring_stiffness[not softest] * one.stiffness)
-                for one in machine.springs
+                replace(one, stiffness=spring * one.stiffness) for one in machine.springs
             ),
         )
 
-    def actuators_at_end(
-        self, actuators: Iterable[F], softest: bool, today: Machine
-    ) -> tuple[F, ...]:
+    def actuators_at_end(self, actuators: Iterable[F], soft: End, today: Machine) -> tuple[F, ...]:
         """Actuators that are or could be a machine's, with dead volumes and structure of an end.
 
         Actuators of one name have the structure that ``today``'s machine has there.
         """
-        volume, named = self.dead_volume[softest], {one.name: one for one in today.actuators}
-        for name in self.structures or ():
+        volume = self.dead_volume[_upper("dead_volume", soft)]
+        named, structures = {one.name: one for one in today.actuators}, self.structures or {}
+        for name in structures:
             if name not in named and name not in today.idle:
                 fault = f"{today.name} has no such actuator"
                 raise ArmDesignError(f"bands.structures.{name}", fault, choose(name, named))
         yielding = {
-            name: shares[softest] * one.oil_compliance(today.fluid, today.supply)
+            name: shares[_upper(STRUCTURE[name in structures], soft)]
+            * one.oil_compliance(today.fluid, today.supply)
             for name, one in named.items()
             if (shares := self.structure_of(name)) is not None
         }
@@ -190,33 +184,51 @@ class Bands:
         return (self.structures or {}).get(actuator, self.structure)
 
     @property
-    def ends(self) -> tuple[bool, ...]:
-        """The ends of oil and structure as ``softest``: soft and stiff, or one if they are one."""
-        wide = any(path not in MASSES and low < high for path, (low, high) in self._stated)
-        return (True, False) if wide else (True,)
+    def _wide(self) -> list[str]:
+        """Names of the bands that have a width."""
+        return [*dict.fromkeys(p.split(".")[0] for p, (low, high) in self._stated if low < high)]
+
+    @property
+    def ends(self) -> tuple[End, ...]:
+        """The ends of oil, structure and springs at corners, the softest first, the stiffest last.
+
+        One, if none of these bands has a width.
+        """
+        wide = self._wide
+        masses = [name for name in MASSES if name in wide]
+        for oil in ([(name,) for name in OIL], [OIL]):  # one by one; all together
+            groups = [[name for name in one if name in wide] for one in (*oil, STRUCTURE, SPRINGS)]
+            groups = [group for group in groups if group]
+            if len(groups) + len(masses) <= FEW:
+                break
+        choices = itertools.product((True, False), repeat=len(groups))
+        soft = (itertools.compress(groups, chosen) for chosen in choices)
+        return tuple(frozenset(itertools.chain(*chosen)) for chosen in soft)
 
     @property
     def between(self) -> list[Bands]:
-        """Values between the corners (Sobol), and with some soft and others stiff; of no width."""
+        """Values between the corners (Sobol), and ends that are at no corner; of no width."""
         from scipy.stats import qmc
 
-        wide = [*dict.fromkeys(p.split(".")[0] for p, (low, high) in self._stated if low < high)]
+        wide, corners = self._wide, self.ends
         if not wide:
             return []
-        sobol = qmc.Sobol(len(wide), scramble=False).fast_forward(1).random(BETWEEN).tolist()
-        springy = [(k, name in SOFT_UP) for k, name in enumerate(wide) if name not in MASSES]
-        ends = itertools.product((0.0, 1.0), repeat=len(wide))
-        mixed = [place for place in ends if len({place[k] == up for k, up in springy}) > 1]
+        places = qmc.Sobol(len(wide), scramble=False).fast_forward(1).random(BETWEEN).tolist()
+        for place in itertools.product((0.0, 1.0), repeat=len(wide)):
+            pairs = zip(wide, place, strict=True)
+            soft = {name for name, at in pairs if name not in MASSES and at == (name in SOFT_UP)}
+            if soft not in corners:
+                places.append(place)
         exact = (
             {name: _exactly(getattr(self, name), at) for name, at in zip(wide, place, strict=True)}
-            for place in [*sobol, *mixed]
+            for place in places
         )
-        return sorted((replace(self, **values) for values in exact), key=_only_masses)
+        return sorted((replace(self, **values) for values in exact), key=only_masses)
 
-    def corners(self, machine: Machine, ends: Sequence[bool]) -> list[Corner]:
-        """All corners of the bands at some ends of oil and structure."""
+    def corners(self, machine: Machine, ends: Sequence[End]) -> list[Corner]:
+        """All corners of the bands at some ends of oil, structure and springs."""
         shares = self.mass_shares(machine)
-        return [Corner(softest, *masses) for softest in ends for masses in shares]
+        return [Corner(soft, *masses) for soft in ends for masses in shares]
 
     def mass_shares(self, machine: Machine) -> list[tuple[float, float]]:
         """Shares of payload and of link mass to try: the corners, with air also between them."""
@@ -230,210 +242,19 @@ class Corner(NamedTuple):
     """A corner of the bands.
 
     Attributes:
-        softest: whether oil and structure are at their soft ends; else at their stiff ends.
+        soft: bands of oil, structure and springs at their soft ends; the others are at the stiff.
         payload_share: factor on the mass of every load case.
         link_share: factor on all masses and inertias of the bare links.
     """
 
-    softest: bool
+    soft: End
     payload_share: float
     link_share: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scenario(ReadOnly):
-    """One set of values within the bands, and the lowest frequency of the poses there.
-
-    Attributes:
-        frequency: lowest coupled natural frequency of the poses, all load cases [Hz].
-        payload: name of its load case.
-        q: its pose (nq,) [rad, m].
-        corner: the values.
-        starts: as in ``Lowest``, at corners.
-    """
-
-    frequency: float
-    payload: str
-    q: Array
-    corner: Corner
-    starts: Starts = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrequencyBand:
-    """The lowest frequency [Hz] of the poses, all load cases, within the bands.
-
-    Attributes:
-        scenarios: at all corners of the bands, in one order for all machines.
-        nominal: with the file's values [Hz].
-        sample: what finds ``between``, which gains need and single machines do not.
-    """
-
-    __repr__ = short_repr
-
-    scenarios: tuple[Scenario, ...]
-    nominal: float
-    sample: Callable[[], tuple[float, ...]] = field(repr=False)
-
-    @property
-    def headline(self) -> str:
-        """Frequencies at the soft end, with the file's values, at the stiff end."""
-        low, high = self.low.frequency, self.high.frequency
-        return f"from {low:.4g} to {high:.4g} Hz, {self.nominal:.4g} Hz at the file's values"
-
-    @cached_property
-    def between(self) -> tuple[float, ...]:
-        """Lowest frequency at places between the corners [Hz], the same for all machines."""
-        return self.sample()
-
-    @property
-    def low(self) -> Scenario:
-        """The scenario with the lowest frequency."""
-        return min(self.scenarios, key=attrgetter("frequency"))
-
-    @property
-    def high(self) -> Scenario:
-        """The scenario whose lowest frequency is the highest: structure rigid, oil stiff."""
-        return max(self.scenarios, key=attrgetter("frequency"))
-
-    def least_gain(self, today: FrequencyBand) -> float:
-        """Least relative gain over today's machine: corners, between them, the file's values."""
-        pairs = zip(self._frequencies, today._frequencies, strict=True)
-        return min((new / old for new, old in pairs if old > 0), default=math.inf) - 1
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Axes with the lowest frequency at every corner of the bands."""
-        from armdesign import plots
-
-        return plots.corners_of_bands(self, ax)
-
-    @property
-    def _frequencies(self) -> list[float]:
-        return [*(one.frequency for one in self.scenarios), *self.between, self.nominal]
-
-
-@checked
-def frequency_band(
-    machine: Machine,
-    workspace: Workspace,
-    bands: Bands | None = None,
-    *,
-    today: Machine | None = None,
-) -> FrequencyBand:
-    """Lowest coupled frequency of the poses, all load cases, at all corners of the bands.
-
-    Args:
-        machine: the machine.
-        workspace: poses that count, and not what lies between them.
-        bands: what is not known exactly; None: the machine's file states them.
-        today: the machine that this one was made from, whose structure it keeps; None: itself.
-
-    Example:
-        >>> import armdesign as ad
-        >>> machine = ad.load("paper_1dof")
-        >>> workspace = ad.Workspace.grid(machine, points=3)
-        >>> bands = ad.Bands(structure=(0.0, 1.0))
-        >>> band = ad.frequency_band(machine, workspace, bands)
-        >>> print(f"{band.low.frequency:.2f} to {band.high.frequency:.2f} Hz")
-        4.76 to 7.45 Hz
-    """
-    return band_about(machine, workspace, bands or Bands.of(machine), today)
-
-
-def band_about(
-    machine: Machine,
-    workspace: Workspace,
-    bands: Bands,
-    today: Machine | None = None,
-    nominal: float | None = None,
-) -> FrequencyBand:
-    """As ``frequency_band``; ``nominal``: the lowest frequency [Hz] as the file says, if known."""
-    stated = [machine] if nominal is None else []
-    corners, as_stated = at_corners(machine, workspace, bands, bands.ends, today, stated)
-    if nominal is None:
-        nominal = (
-            as_stated[0].worst if as_stated else worst_frequency(machine, workspace)
-        ).frequency
-    floor = np.min([lowest.frequency for lowest in corners.values()], axis=0)
-    seeds = np.unique([lowest.frequency.argmin() for lowest in corners.values()])
-    return FrequencyBand(
-        scenarios=tuple(
-            Scenario(**of.worst._asdict(), corner=corner, starts=of.starts)
-            for corner, of in corners.items()
-        ),
-        nominal=nominal,
-        sample=partial(_between, machine, workspace, bands, (floor, seeds), today),
-    )
-
-
-def at_corners(
-    machine: Machine,
-    workspace: Workspace,
-    bands: Bands,
-    ends: Sequence[bool],
-    today: Machine | None = None,
-    stated: Sequence[Machine] = (),
-) -> tuple[dict[Corner, Lowest], list[Lowest]]:
-    """What is lowest at the corners of the bands at some ends, others as in ``frequency_band``.
-
-    Then of ``stated`` machines with the values of their files, if its masses are at a corner.
-    """
-    at_ends = [bands.at_end(machine, softest, today) for softest in ends]
-    known, as_stated = dict[Corner, Lowest](), list[Lowest]()
-    for shares in bands.mass_shares(machine):
-        more = stated if shares == (1.0, 1.0) else ()
-        lowest = lowest_of_poses([*at_ends, *more], workspace, *shares)
-        known |= {Corner(end, *shares): lowest[k] for k, end in enumerate(ends)}
-        as_stated += lowest[len(ends) :]
-    return {corner: known[corner] for corner in bands.corners(machine, ends)}, as_stated
-
-
-def _between(
-    machine: Machine,
-    workspace: Workspace,
-    bands: Bands,
-    known: tuple[Array, Array],
-    today: Machine | None,
-) -> tuple[float, ...]:
-    """The worst frequency [Hz] at each place between the corners of the bands.
-
-    No pose is lower there than at all corners; so it is looked for among the poses that are lower
-    at one of them than some chosen poses are at such a place. Places with the same masses are
-    looked at together.
-
-    Args:
-        machine: the machine.
-        workspace: poses that count.
-        bands: what is not known exactly.
-        known: the lowest frequency of each pose over the corners (n,) [Hz]; rows that are chosen.
-        today: as in ``frequency_band``.
-    """
-    (floor, seeds), found = known, list[float]()
-    for shares, places in itertools.groupby(bands.between, key=_only_masses):
-        machines = [exact.at_end(machine, True, today) for exact in places]
-        chosen = lowest_of_poses(machines, workspace.subset(seeds), *shares)
-        rows = np.flatnonzero(floor <= max(lowest.worst.frequency for lowest in chosen))
-        lowest = lowest_of_poses(machines, workspace.subset(rows), *shares)
-        found += [of.worst.frequency for of in lowest]
-    return tuple(found)
-
-
-def _only_masses(exact: Bands) -> tuple[float, float]:
+def only_masses(exact: Bands) -> tuple[float, float]:
     """Shares of payload and of link mass within bands of no width."""
     return exact.payload[0], exact.link_mass[0]
-
-
-def refuse_toppling_within(machine: Machine, workspace: Workspace) -> None:
-    """Raise for the pose that asks most of the springs: as in the file, and at its soft ends.
-
-    Raises:
-        PoseError: as ``Machine.at`` does.
-    """
-    refuse_toppling_anywhere(list(load_cases(machine, workspace)))
-    bands = Bands.of(machine)
-    for corner in bands.corners(machine, (True,)):
-        at_end, shares = bands.at_end(machine, True), (corner.payload_share, corner.link_share)
-        refuse_toppling_anywhere(list(load_cases(at_end, workspace, *shares)))
 
 
 def _pair(band: list[float] | None) -> tuple[float, float]:
@@ -446,3 +267,8 @@ def _exactly(band: Any, share: float) -> Any:
         return {name: _exactly(one, share) for name, one in band.items()}
     value = band[0] + share * (band[1] - band[0])
     return value, value
+
+
+def _upper(name: str, soft: End) -> bool:
+    """Whether a band of stiffness is at its upper end."""
+    return (name in soft) == (name in SOFT_UP)

@@ -12,8 +12,9 @@ import numpy as np
 from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, ReadOnly, congruent, percentiles, weighted_share
 from armdesign.errors import PoseError
-from armdesign.frequency.bands import Bands, FrequencyBand, band_about
+from armdesign.frequency.bands import Bands
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of, refuse_missing
+from armdesign.frequency.frequency_band import FrequencyBand, band_about
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
 from armdesign.frequency.reach_map import ReachMap, reach_map
 from armdesign.frequency.workspace import Workspace

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from armdesign.errors import ArmDesignError, MachineFileError
-from armdesign.frequency.bands import refuse_toppling_within
+from armdesign.frequency.frequency_band import refuse_toppling_within
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.file import machine_file

@@ -11,7 +11,8 @@ from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import COMPUTED, INK, MARK, figure, literal, plain_decades
 
 if TYPE_CHECKING:
-    from armdesign.frequency.bands import Corner, FrequencyBand
+    from armdesign.frequency.bands import Corner, End
+    from armdesign.frequency.frequency_band import FrequencyBand
     from armdesign.frequency.modes import Modes
     from armdesign.machine.poses import Poses
     from armdesign.plots.canvas import Axes
@@ -63,18 +64,21 @@ def corners_of_bands(band: FrequencyBand, ax: Axes | None = None) -> Any:
     rows = np.arange(count)
     ax.plot([one.frequency for one in band.scenarios], rows, "o", color=COMPUTED, label="corners")
     ax.axvline(band.nominal, color=INK, label="with the file's values")
-    ax.set_yticks(rows, [_words(one.corner) for one in band.scenarios])
+    softest = band.scenarios[0].corner.soft
+    ax.set_yticks(rows, [_words(one.corner, softest) for one in band.scenarios])
     ax.set(xlabel="lowest frequency of the poses [Hz]", ylim=(count - 0.5, -0.5))
     ax.grid(alpha=0.3)
     _legend_above(ax)
     return ax
 
 
-def _words(corner: Corner) -> str:
+def _words(corner: Corner, softest: End) -> str:
     """A corner of the bands in words."""
+    soft = ", ".join(f"soft {name.replace('_', ' ')}" for name in sorted(corner.soft))
+    end = "soft end" if corner.soft == softest else soft or "stiff end"
     shares = {"payload": corner.payload_share, "links": corner.link_share}
     masses = (f"{name} × {share:.4g}" for name, share in shares.items() if share != 1)
-    return ", ".join(["soft end" if corner.softest else "stiff end", *masses])
+    return ", ".join([end, *masses])
 
 
 def _by_pose(ax: Axes, values: Array, **style: Any) -> None:

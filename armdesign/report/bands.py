@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from armdesign.frequency.bands import EXACT, Bands, FrequencyBand
+from armdesign.frequency.bands import EXACT, Bands
+from armdesign.frequency.frequency_band import FrequencyBand
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet
 from armdesign.units import percent
@@ -50,7 +51,7 @@ def end_names(machine: Machine, bands: Bands) -> tuple[str, str, str]:
     """Names of the columns: of the lowest frequency, that at the file's values, the highest."""
     if len(bands.ends) == 1:  # only masses differ
         return "lowest", "at file values", "highest"
-    stiffest = bands.at_end(machine, False)
+    stiffest = bands.at_end(machine, bands.ends[-1])
     yields = stiffest.springs or any(one.compliance > 0 for one in stiffest.actuators)
     other_oil = bands.air or {bands.bulk_modulus, bands.dead_volume} != {EXACT}
     return "softest", "at file values", "stiffest" if yields or other_oil else "rigid"

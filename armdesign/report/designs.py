@@ -51,7 +51,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     made_for = {
         "nominal": "all that follows: of the poses; " if between else "",
         "worst": "all that follows: of the poses, in the worst case of the bands; ",
-        "gain": "made for the least gain at the ends of the bands, of the poses: ",
+        "gain": "made for the least gain at the corners of the bands, of the poses: ",
         "bandwidth": "made for the least bandwidth; of it, as estimated from frequencies: ",
     }
     notes = [
@@ -219,16 +219,16 @@ def bands_of_design(design: Design) -> Sheet:
 
 
 def _where_it_is_least(design: Design) -> str:
-    """Where the least gain lies, if not at the ends that the search knew; else empty."""
+    """Where the least gain lies, if not at the corners that the search knew; else empty."""
     if design.made_for != "gain":
         return ""
     ends = _reached(design, design.judged)
     if ends == percent(design.least_gain):
         return ""
-    where = "between their ends or with some soft and others stiff"
+    where = "between the corners that it was designed for"
     if percent(design.gain) == percent(design.least_gain):
         where = "at the file's values"
-    return f", {where}; with all soft or all stiff {ends}"
+    return f", {where}; at the corners {ends}"
 
 
 def _vanishing(design: Design) -> str:

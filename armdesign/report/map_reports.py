@@ -7,7 +7,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from armdesign.errors import PoseError
-from armdesign.frequency.bands import Bands, FrequencyBand
+from armdesign.frequency.bands import Bands
+from armdesign.frequency.frequency_band import FrequencyBand
 from armdesign.frequency.worst_frequency import WorstPose, worst_anywhere
 from armdesign.report.bands import end_names, is_assumed, widths
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
@@ -134,8 +135,8 @@ def _ends(
         poses[end] = None
         if band is not None:
             known = band.low if end == "softest" else band.high
-            softest, payload, link = known.corner
-            machine = bands.at_end(frequencies.machine, softest, today)
+            soft, payload, link = known.corner
+            machine = bands.at_end(frequencies.machine, soft, today)
             with suppress(PoseError):  # unstable between the poses
                 workspace = frequencies.workspace
                 poses[end] = worst_anywhere(machine, workspace, payload, link, known.starts)

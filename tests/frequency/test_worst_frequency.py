@@ -130,7 +130,7 @@ def test_from_poses_far_above_the_lowest_no_search_ends_lower(
 ) -> None:
     """Against searches from all of them, as in the file and with structure as soft as oil."""
     machine = machines.named(name)
-    soft = ad.Bands(structure=(1.0, 1.0)).at_end(machine, True)
+    soft = ad.Bands(structure=(1.0, 1.0)).at_end(machine, frozenset())
     workspace = ad.Workspace.grid(machine)
     found = [worst_anywhere(one, workspace).frequency for one in (machine, soft)]
     monkeypatch.setattr("armdesign.frequency.worst_frequency.FAR", np.inf)

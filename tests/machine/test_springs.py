@@ -168,12 +168,12 @@ def test_a_spring_too_soft_within_the_bands_is_told_in_the_numbers_of_the_file()
     machine = machine.replace({path: 1.5 * enough})
     machine.at(q)
     with pytest.raises(ad.ArmDesignError, match=r"N m/rad \(0.5 of it, within the b") as caught:
-        bands.at_end(machine, True).at(q)
+        bands.at_end(machine, bands.ends[0]).at(q)
     assert f"{1.5 * enough:g} N m/rad" in caught.value.fault
     least = float(caught.value.remedy.removeprefix(given).removesuffix(" N m/rad"))
-    bands.at_end(machine.replace({path: 1.0005 * least}), True).at(q)
+    bands.at_end(machine.replace({path: 1.0005 * least}), bands.ends[0]).at(q)
     with pytest.raises(ad.ArmDesignError, match="upright"):
-        bands.at_end(machine.replace({path: 0.995 * least}), True).at(q)
+        bands.at_end(machine.replace({path: 0.995 * least}), bands.ends[0]).at(q)
 
 
 def test_a_command_says_it_in_one_line(

@@ -119,6 +119,9 @@ def test_a_band_is_drawn_corner_by_corner() -> None:
         "stiff end, payload × 0.8",
         "stiff end",
     ]
+    mixed = ad.frequency_band(machine, workspace, ad.Bands(structure=(0, 1), dead_volume=(1, 2)))
+    names = [label.get_text() for label in mixed.plot().get_yticklabels()]
+    assert names == ["soft end", "soft dead volume", "soft structure", "stiff end"]
 
 
 def test_a_frequency_response_says_what_it_is_and_cuts_no_word() -> None:

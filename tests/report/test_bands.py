@@ -74,7 +74,8 @@ def test_all_numbers_of_the_headline_are_searched_between_the_poses() -> None:
     frequencies = ad.frequency_map(machine, ad.Workspace.grid(machine, points=2))
     band = ad.frequency_band(machine, frequencies.workspace, bands)
     numbers = headline(poses_of_ends({"": frequencies}, bands, [band]), machine, bands)
-    ends = (bands.at_end(machine, False), machine, bands.at_end(machine, True))
+    soft, *_, stiff = (bands.at_end(machine, end) for end in bands.ends)
+    ends = (stiff, machine, soft)
     on_grid = band.high.frequency, band.nominal, band.low.frequency
     for number, end, coarse in zip(numbers, ends, on_grid, strict=True):
         worst = ad.frequency_map(end, frequencies.workspace).worst
@@ -93,10 +94,11 @@ def test_a_gain_compares_worst_frequencies_between_the_poses() -> None:
     known = [ad.frequency_band(one.machine, workspace, bands) for one in maps.values()]
     pairs, gains = poses_of_ends(maps, bands, known), []
     numbers = headline(pairs, machine, bands)
-    for softest, number in zip((False, None, True), numbers, strict=True):
+    soft, stiff = bands.ends
+    for end, number in zip((stiff, None, soft), numbers, strict=True):
         today, new = (
             ad.frequency_map(
-                one.machine if softest is None else bands.at_end(one.machine, softest), workspace
+                one.machine if end is None else bands.at_end(one.machine, end), workspace
             ).worst.frequency
             for one in maps.values()
         )

@@ -111,6 +111,7 @@ def _lowest_dual_bound(
 
 
 WATCHED = 300  # lowest rows that may enter, of a corner of the bands
+ALONE = 2  # ends of oil, structure and springs bounded one by one: those at which x gains least
 SAME_AREA = 1e-6  # relative: a size of a catalogue
 USEFUL = 2.0  # times what a design reaches, up to which a bound is stated beside it
 # relative: more than own masses' terms and the way to Hz lose; all else is rounded ``outward``
@@ -226,9 +227,10 @@ def _computed_within_bands(
         lowest_of = [own[np.argsort(squared[own])[:WATCHED]] for own in all_own]
         watched = np.unique(np.concatenate([rows, *lowest_of]))
         return certificate_of(problem, x, watched, wanted, drawn)
+    ends = range(len(corners.ends))
+    poorest = [min(np.flatnonzero(corners.end == end), key=least.__getitem__) for end in ends]
     bounds = []
-    for end in range(len(corners.ends)):
-        k = min(np.flatnonzero(corners.end == end), key=lambda k: least[k])
+    for k in sorted(sorted(poorest, key=least.__getitem__)[:ALONE]):
         own = np.flatnonzero(dynamics.rows.corner == k)
         lowest = own[np.argsort(squared[own])[:WATCHED]]
         watched = np.union1d(lowest, rows[dynamics.rows.corner[rows] == k]) - own[0]

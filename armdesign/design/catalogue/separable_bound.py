@@ -63,11 +63,11 @@ class ScaledPoses:
     def oil(self, cylinders: Sequence[Sequence[Cylinder]], corners: Corners) -> list[Array]:
         """Stiffness of every size of each cylinder (sizes, n) [N/m], with the oil of the ends."""
         stiffness = [np.empty((len(sizes), len(self))) for sizes in cylinders]
-        for k, (softest, today) in enumerate(zip(corners.ends, corners.machines, strict=True)):
+        for k, (soft, today) in enumerate(zip(corners.ends, corners.machines, strict=True)):
             rows, oil = self.end == k, (today.fluid, today.supply)
             extension, force = self.extension[rows], self.force[rows]
             for i, sizes in enumerate(cylinders):
-                at_end = corners.bands.actuators_at_end(sizes, softest, corners.today)
+                at_end = corners.bands.actuators_at_end(sizes, soft, corners.today)
                 for n, one in enumerate(at_end):
                     stiffness[i][n, rows] = one.stiffness(extension[:, i], force[:, i], *oil)
         return stiffness
@@ -82,7 +82,7 @@ def scaled_poses(placed: Machine, corners: Corners) -> tuple[ScaledPoses, float]
     closed = np.array([c.closed_length for c in placed.cylinders])
     parts = []
     for k, (corner, end) in enumerate(zip(corners.all, corners.end, strict=True)):
-        machine = corners.bands.at_end(placed, corner.softest, corners.today)
+        machine = corners.bands.at_end(placed, corner.soft, corners.today)
         shares = corner.payload_share, corner.link_share
         for case in load_cases(machine, corners.workspace, *shares):
             poses = case.evaluate()

@@ -1,7 +1,7 @@
 """Corners of the bands at which a design counts: how much each weighs, and its oil's stiffness.
 
 For the worst frequency within the bands these are the corners of the softest oil and structure,
-all alike. For the least gain over today's machine both ends count, and ω² is measured at each
+all alike. For the least gain over today's machine all corners count, and ω² is measured at each
 corner by what today's machine has there: K − λ w M ⪰ 0 with w = ω²_today there over ω²_today at
 the values of the file. The lowest λ is the square of the least gain times the latter: the same
 programme for both objectives.
@@ -24,8 +24,9 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.frequency.bands import Bands, Corner, FrequencyBand, at_corners, frequency_band
+from armdesign.frequency.bands import Bands, Corner, End
 from armdesign.frequency.cases import CasePoses
+from armdesign.frequency.frequency_band import FrequencyBand, at_corners, frequency_band
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
@@ -90,7 +91,7 @@ class Corners:
 
     @cached_property
     def all(self) -> list[Corner]:
-        """The corners, each end of oil and structure with all masses."""
+        """The corners, each end of oil, structure and springs with all masses."""
         return self.bands.corners(self.today, self.ends)
 
     @cached_property
@@ -146,19 +147,19 @@ class Corners:
         return float((known / np.sqrt(self.weights)).min())
 
     @property
-    def ends(self) -> tuple[bool, ...]:
-        """The ends of oil and structure that count, as ``softest``."""
-        return self.bands.ends if self.gain else (True,)
+    def ends(self) -> tuple[End, ...]:
+        """The ends of oil, structure and springs that count, the softest first."""
+        return self.bands.ends if self.gain else self.bands.ends[:1]
 
     @cached_property
     def machines(self) -> tuple[Machine, ...]:
         """Today's machine at each of the ends."""
-        return tuple(self.bands.at_end(self.today, softest) for softest in self.ends)
+        return tuple(self.bands.at_end(self.today, soft) for soft in self.ends)
 
     @cached_property
     def end(self) -> Array:
         """Index into ``ends`` of each corner."""
-        return np.array([self.ends.index(corner.softest) for corner in self.all])
+        return np.array([self.ends.index(corner.soft) for corner in self.all])
 
     def stiffness(self, corner: Array, pistons: Pistons) -> Array:
         """Stiffness of oil and structure (…, n, nc) [N/m, N m/rad] of rows at the corners (n,)."""

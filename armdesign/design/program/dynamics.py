@@ -90,7 +90,7 @@ class Dynamics:
         """Every pose with every load case at the masses of the file, which requirements count."""
         if self.origin is not None:
             return self.origin.nominal_rows
-        as_in_file = Corner(True, 1.0, 1.0)
+        as_in_file = Corner(self.corners.ends[0], 1.0, 1.0)
         return self.rows if self.corners.all == [as_in_file] else self._rows([as_in_file])
 
     def _rows(self, corners: Sequence[Corner], weighted: bool = False) -> Rows:
@@ -98,7 +98,7 @@ class Dynamics:
         parts: list[tuple[Array, ...]] = []
         for corner, one in enumerate(corners):
             shares = one.payload_share, one.link_share
-            springs = self.corners.bands.at_end(self.vector.machine, one.softest).spring_stiffness
+            springs = self.corners.bands.at_end(self.vector.machine, one.soft).spring_stiffness
             added = np.diag(np.concatenate([np.zeros(len(self.vector.machine.joints)), springs]))
             for case in load_cases(self.vector.bare, self.workspace, *shares):
                 mass, gravity, slope = case.machine.loaded(case.rigid)

@@ -190,7 +190,7 @@ class Problem:
         """
         corners = self.dynamics.corners
         corner, today = corners.all[k], self.machine
-        machine = corners.bands.at_end(today, corner.softest)
+        machine = corners.bands.at_end(today, corner.soft)
         payload, links = ((share, share) for share in (corner.payload_share, corner.link_share))
         return self._on(machine, Bands(payload=payload, link_mass=links))
 

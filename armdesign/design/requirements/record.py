@@ -41,6 +41,7 @@ class Requirement:
             ``speed.NAME`` stands for all speeds of a motion.
         stated: number in the key's unit that would state this limit; None: the setting does.
         inverse: whether the setting is a factor on the value, such as a speed, not on the limit.
+        end: lower limit below which it is not relaxed, whatever a file may state.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Requirement:
     setting: str = ""
     stated: float | None = None
     inverse: bool = False
+    end: float = 0.0
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -68,6 +70,7 @@ class Evaluation(Requirement):
         slack_scale: what a slack is a share of; None: the limit.
         reformulated: for the optimiser a smoother form of the constraint (b, k), and what it gains
             per 100 % of the limit; None: the distance to the limit over ``scale``.
+        power: of the limit, by which the reformulated constraint goes; 1 where it is linear in it.
         tightening_factor: how many times a share of tightening this constraint is drawn in.
         rounding_loss: of the constraint, by pins on the 0.1 mm grid, besides.
         curved: whether the constraint bends in the areas so that no tangent bounds it.
@@ -77,6 +80,7 @@ class Evaluation(Requirement):
     scale: float | None = None
     slack_scale: float | None = None
     reformulated: tuple[Array, Array] | None = None
+    power: float = 1.0
     tightening_factor: float = 1.0
     rounding_loss: float = 0.0
     curved: bool = False
@@ -98,6 +102,13 @@ class Evaluation(Requirement):
         """Gain of the constraint per 100 % of the limit (b, k)."""
         own = abs(self.limit) / self._scale if self.reformulated is None else self.reformulated[1]
         return np.broadcast_to(own, self.constraint.shape)
+
+    def room(self, share: float) -> float:
+        """Room that the constraint gains where its limit is relaxed by a share.
+
+        A share of what ``limit_sensitivity`` says, which is the slope at the limit.
+        """
+        return share if self.power == 1 else (1 - (1 - share) ** self.power) / self.power
 
     @property
     def _scale(self) -> float:

@@ -131,9 +131,11 @@ def _buckling(
         limit=least,
         at_least=True,
         reformulated=(((rod_area - needed) / today)[:, None], (0.5 * needed / today)[:, None]),
+        power=0.5,
         tightening_factor=4.0,
         curved=True,
         setting=setting,
+        end=1.0 if least > 1 else 0.0,  # where the rod buckles under the thrust
     )
 
 

@@ -56,7 +56,7 @@ def concessions(
 
 
 def largest_share(requirements: Requirements, c: Requirement) -> float:
-    """Share of its limit by which a requirement can be relaxed, until no file allows its setting.
+    """Share of its limit by which a requirement can be relaxed, to its end or a file's.
 
     Infinite where a file allows any number, zero where no number states the limit.
     """
@@ -66,7 +66,7 @@ def largest_share(requirements: Requirements, c: Requirement) -> float:
     if c.inverse or c.setting.startswith("outline."):  # names of links may have dots
         return math.inf
     low, high = bounds(("requirements", *c.setting.split(".")))
-    return WITHIN * (1 - low / stated if c.at_least else high / stated - 1)
+    return WITHIN * (1 - max(low / stated, c.end / c.limit) if c.at_least else high / stated - 1)
 
 
 def _stated(requirements: Requirements, c: Requirement) -> float:

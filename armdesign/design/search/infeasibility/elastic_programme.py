@@ -48,7 +48,7 @@ class Roles:
     Attributes:
         soft: names of those that may, group by group.
         hard: names of those that must.
-        most: share of its limit that one of the former may give, if not any.
+        most: room that one of the former may give, as a share of its limit, if not any.
     """
 
     soft: Groups
@@ -61,7 +61,7 @@ class Roles:
         return {*self.hard}.union(*self.soft)
 
     def most_of(self, name: str) -> float:
-        """Share of its limit that a requirement may give beside what must hold."""
+        """Room that a requirement may give beside what must hold."""
         return math.inf if name in self.hard else self.most.get(name, math.inf)
 
     def groups(self, names: Sequence[str]) -> Array:

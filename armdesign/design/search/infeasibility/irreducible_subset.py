@@ -192,7 +192,7 @@ class ConflictSearch(ElasticProgramme):
             places = {name for name, (c, _) in amounts.items() if c.slack_scale is not None}
             soft = [tuple(n for n in group if n not in places) or group for group in soft]
         hard = [name for name in amounts if not any(name in group for group in soft)]
-        limited = {name: share for name, share in most.items() if 0 < share < math.inf}
+        limited = {n: amounts[n][0].room(s) for n, s in most.items() if 0 < s < math.inf}
         return Roles(soft, hard, limited)
 
     def least_relaxation(
