@@ -17,7 +17,7 @@ from armdesign.inspection.yardstick import Finding
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.poses import pose_text
 from armdesign.machine.tipping import centre_ahead
-from armdesign.units import Units, mm
+from armdesign.units import Units, mm, share_text
 
 if TYPE_CHECKING:
     from armdesign.inspection.inspection import Inspection, StaticLoad
@@ -176,7 +176,7 @@ def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
         return
     if np.any(lowest == 0):
         unstable = weighted_share(lowest == 0, inspection.workspace.weights[case.exists])
-        share = f"{100 * unstable:.1f} % of the poses are unstable (0 Hz)"
+        share = f"{share_text(unstable)} of the poses are unstable (0 Hz)"
         why = "gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
         yield f"payload.{name}", f"{share}: {why}"
 

@@ -56,7 +56,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     }
     notes = [
         *filter(None, [between, too_few_poses(design.before, design.after)]),
-        f"in its own workspace the new machine's worst is {own:.3f} Hz",
+        f"in its own workspace the new machine's worst is {hertz(own)}",
         f"{made_for[design.made_for]}before rounding {_reached(design, design.unrounded)}",
         *filter(None, [limiting_note(design.machine, after.cylinder)]),
     ]

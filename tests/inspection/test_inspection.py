@@ -16,7 +16,7 @@ from armdesign.inspection.oddities import DEAD_LENGTH_PER_BORE
 from armdesign.machine.machine import Machine
 from armdesign.report.inspections import check_sheets
 from armdesign.report.performance import figures
-from armdesign.units import SI, WORKSHOP
+from armdesign.units import SI, WORKSHOP, share_text
 from tests import machines
 from tests.commands import main
 from tests.inspection.inspected import EXCAVATOR, inspected, odd, written
@@ -118,7 +118,7 @@ def test_unstable_poses() -> None:
     unstable = ad.natural_modes(case.at(q[held])).frequencies[:, 0] == 0
     share = 100 * boxes[held][unstable].sum() / boxes[held].sum()
     assert abs(share - 100 * unstable.mean()) > 0.1
-    assert f"{share:.1f} % of the poses are unstable (0 Hz)" in words
+    assert f"{share_text(share / 100)} of the poses are unstable (0 Hz)" in words
 
 
 def test_a_moment_arm_that_nearly_vanishes() -> None:
