@@ -27,6 +27,7 @@ from armdesign.machine.reaching import lattice, place_and_slopes, poses_reaching
 from armdesign.machine.tipping import tipping_masses
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.slews import UPRIGHT
 from armdesign.short_repr import short_repr
 from armdesign.units import mm
 
@@ -41,7 +42,6 @@ STEPS = 6  # in the reach of the tool, about
 ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)  # times a power of ten
 MOST = 2_000  # places of a grid
 RANDOM = 64  # poses at which it is looked which joints raise the point
-UPRIGHT = math.sqrt(0.5)  # of a unit vector's height, nearer to the vertical than the horizontal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -150,7 +150,8 @@ def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
     """
     poses = chart_poses(machine, like)
     masses = liftable_masses(machine, poses.rigid, poses.torque, HYDRAULIC_SHARE)
-    ahead = _ahead(machine, poses)
+    at = machine.arm.point(poses.rigid, poses.point.link, np.array(poses.point.at))
+    ahead = machine.arm.ahead(poses.rigid.q, at)
     tipping = TIPPING_SHARE * tipping_masses(machine, poses.rigid, ahead)
     least = np.minimum(masses.min(axis=1), tipping)
     best = poses.best(least)
@@ -342,9 +343,3 @@ def _out_of_reach(
     span = f"{least:.3g} to {most:.3g} m"
     remedy = f"it reaches from {span}: give from_m and step_m within that, or another point"
     return _fault(machine, (stated or ["link"])[0], fault, remedy)
-
-
-def _ahead(machine: Machine, poses: ChartPoses) -> Array:
-    """Place of the point ahead of the slew axis (m,) [m]."""
-    at = machine.arm.point(poses.rigid, poses.point.link, np.array(poses.point.at))
-    return np.einsum("ni,ni->n", at[:, :2], machine.arm.heading(poses.rigid.q))
