@@ -62,7 +62,7 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     """
     view = side_view(machine, middle_pose(machine) if q is None else q)
     wrong = faults(view)
-    labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
+    labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(machine, view)]
     width = axes_width(beside=True)
     room, limits = room_for(labels, extent([view]), width)
     if ax is None:
