@@ -23,6 +23,7 @@ from armdesign.plots.machines import (
     head,
     heading,
     new_axes,
+    without_white,
 )
 from armdesign.units import mm
 
@@ -85,6 +86,7 @@ def machine_overlay(
     place_labels(ax, labels_of_moves, axes_width())
     head(ax, new, below)
     sizes_legend(ax, [old, new])
+    without_white(ax.figure)
     return ax
 
 

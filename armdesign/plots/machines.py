@@ -26,6 +26,7 @@ from armdesign.plots.canvas import (
     wrapped,
 )
 from armdesign.plots.labels import place_labels, room_for
+from armdesign.plots.layout import PAD
 from armdesign.plots.machine_words import (
     ends,
     faults,
@@ -65,6 +66,7 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(machine, view)]
     width = axes_width(beside=True)
     room, limits = room_for(labels, extent([view]), width)
+    given = ax
     if ax is None:
         lines = heading(machine, [pose_words(machine, view), *wrong], beside=True)
         ax, beside = new_axes(limits, len(lines), room, beside=True)
@@ -75,6 +77,8 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     place_labels(ax, labels, width)
     head(ax, machine, [pose_words(machine, view), *wrong])
     sizes_legend(ax, [machine])
+    if given is None:
+        without_white(ax.figure)
     return ax
 
 
@@ -184,6 +188,14 @@ def new_axes(limits: Array, lines: int, room: float, beside: bool = False) -> li
     axes = list(fig.subplots(1, 2, width_ratios=[1 - BESIDE, BESIDE]))
     show_in_notebooks(fig, axes)
     return axes
+
+
+def without_white(fig: Any) -> None:
+    """End a figure, whose axes of equal scales stand at its top, below what is drawn."""
+    fig.draw_without_rendering()
+    width, height = fig.get_size_inches()
+    white = fig.get_tightbbox(fig._get_renderer()).y0 - PAD
+    fig.set_size_inches(width, height - max(white, 0.0))
 
 
 def frame(ax: Axes, limits: Array, view: SideView, room: float) -> None:

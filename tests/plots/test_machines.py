@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import matplotlib.image
 import numpy as np
 import pytest
 
@@ -333,3 +334,14 @@ def test_the_tool_is_named_at_its_reach(turn: float) -> None:
     said = {label.head: label.below for label in ends(machine, side_view(machine, q))}
     (words,) = (below for head, below in said.items() if head.startswith("tool"))
     assert words == f"{math.hypot(x, y):.3f}, {z:.3f} m"
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "loader_crane"])
+def test_drawings_end_below_what_they_show(name: str, tmp_path: Path) -> None:
+    """Less than 0.16 inches of white below; drawings of one machine had 0.38 and more."""
+    machine = named(name)
+    for ax in (plots.machine_drawing(machine), plots.machine_overlay(machine, machine)):
+        pixels = matplotlib.image.imread(plots.save(ax.figure, tmp_path / "drawn.png"))
+        inked = np.flatnonzero((pixels[..., :3] < 0.99).any(axis=(1, 2)))
+        white = 1 - (inked[-1] + 1) / len(pixels)
+        assert white * ax.figure.get_size_inches()[1] < 0.16
