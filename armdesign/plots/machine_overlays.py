@@ -35,6 +35,7 @@ SEEN = 0.06  # of the drawn size: how long an arrow may be made
 GHOST: Style = {"fc": "none", "ec": "#6b7280", "lw": 0.8, "ls": (0, (4, 2))}
 
 
+@without_white
 @literal
 def machine_overlay(
     old: Machine,
@@ -86,7 +87,6 @@ def machine_overlay(
     place_labels(ax, labels_of_moves, axes_width())
     head(ax, new, below)
     sizes_legend(ax, [old, new])
-    without_white(ax.figure)
     return ax
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,10 +19,12 @@ from armdesign.plots.canvas import (
     INK,
     MARK,
     WIDTH,
+    P,
     Style,
     figure,
     literal,
     show_in_notebooks,
+    style,
     title_of,
     wrapped,
 )
@@ -48,6 +51,25 @@ HEADING = 9.0  # [pt] letters of the title and the words below it
 BESIDE = 0.22  # of the width: the range of the tool
 
 
+def without_white(draw: Callable[P, Axes]) -> Callable[P, Axes]:
+    """The drawing, whose new figure ends below what it shows: equal scales leave white there."""
+
+    @wraps(draw)
+    def drawn(*words: P.args, **named: P.kwargs) -> Axes:
+        ax = draw(*words, **named)
+        if all(one is not ax for one in (*words, *named.values())):
+            fig: Any = ax.figure
+            with style():
+                fig.draw_without_rendering()
+                white = fig.get_tightbbox(fig._get_renderer()).y0 - PAD
+            width, height = fig.get_size_inches()
+            fig.set_size_inches(width, height - max(white, 0.0))
+        return ax
+
+    return drawn
+
+
+@without_white
 @literal
 def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
     """Side view of a machine to scale, with its pins' names and coordinates; returns the axes.
@@ -66,7 +88,6 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(machine, view)]
     width = axes_width(beside=True)
     room, limits = room_for(labels, extent([view]), width)
-    given = ax
     if ax is None:
         lines = heading(machine, [pose_words(machine, view), *wrong], beside=True)
         ax, beside = new_axes(limits, len(lines), room, beside=True)
@@ -77,8 +98,6 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     place_labels(ax, labels, width)
     head(ax, machine, [pose_words(machine, view), *wrong])
     sizes_legend(ax, [machine])
-    if given is None:
-        without_white(ax.figure)
     return ax
 
 
@@ -188,14 +207,6 @@ def new_axes(limits: Array, lines: int, room: float, beside: bool = False) -> li
     axes = list(fig.subplots(1, 2, width_ratios=[1 - BESIDE, BESIDE]))
     show_in_notebooks(fig, axes)
     return axes
-
-
-def without_white(fig: Any) -> None:
-    """End a figure, whose axes of equal scales stand at its top, below what is drawn."""
-    fig.draw_without_rendering()
-    width, height = fig.get_size_inches()
-    white = fig.get_tightbbox(fig._get_renderer()).y0 - PAD
-    fig.set_size_inches(width, height - max(white, 0.0))
 
 
 def frame(ax: Axes, limits: Array, view: SideView, room: float) -> None:
