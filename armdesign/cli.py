@@ -256,13 +256,13 @@ def check(run: OverWorkspace) -> None:
         faults = file_faults.faults(run.machine, allow_outside=run.allow_outside)
         if not faults:
             model = run.load(run.machine)
+            out = run.folder(model.source)
             faults = list(lift_faults(model))
         if not faults:
             inspection = inspect(model, Workspace.grid(model, counts))
             sheets = check_sheets(inspection, run.units.units)
     run.refuse(faults)
     run.show(sheets)
-    out = run.folder(model.source)
     with run.writing(out) as folder:
         plots.save(plots.machine_drawing(model).figure, folder / "machine.png")
         output.write_lift_charts(lift_charts({plots.title_of(model): model}), folder)

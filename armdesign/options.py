@@ -15,6 +15,7 @@ from armdesign.option_values import within
 from armdesign.units import SI, WORKSHOP, Units
 
 STARTS, WORKERS = (within(f"--{name}", 1, MOST[name]) for name in ("starts", "workers"))
+UP_TO = [f"1 to {MOST[name]}" for name in ("starts", "workers")]
 
 
 class Habit(StrEnum):
@@ -113,7 +114,7 @@ StartsOption = Annotated[
     typer.Option(
         "--starts",
         callback=STARTS,
-        help="Starts of the search; default: 3, or 4 where four-bars move.",
+        help=f"Starts of the search, {UP_TO[0]}; default: 3, or 4 where four-bars move.",
     ),
 ]
 StartsOfSetsOption = Annotated[
@@ -121,8 +122,8 @@ StartsOfSetsOption = Annotated[
     typer.Option(
         "--starts",
         callback=STARTS,
-        help="Starts of each set of pins: today's, the best of one pin less, then drawn ones;"
-        " default: the first two.",
+        help=f"Starts of each set of pins, {UP_TO[0]}: today's, the best of one pin less,"
+        " then drawn ones; default: the first two.",
     ),
 ]
 WorkersOption = Annotated[
@@ -130,12 +131,12 @@ WorkersOption = Annotated[
     typer.Option(
         "--workers",
         callback=WORKERS,
-        help="Processes that share the starts, and the poses of simulations; default: 1, for"
-        " pareto and steps each core.",
+        help=f"Processes, {UP_TO[1]}, that share the starts, and the poses of simulations;"
+        " default: 1, for pareto and steps each core.",
     ),
 ]
 PosesWorkersOption = Annotated[
-    int, typer.Option("--workers", callback=WORKERS, help="Processes that share the poses.")
+    int, typer.Option("--workers", callback=WORKERS, help=f"Processes for poses, {UP_TO[1]}.")
 ]
 PointsOption = Annotated[
     str,
@@ -422,7 +423,7 @@ ProcessesOption = Annotated[
     typer.Option(
         "--workers",
         callback=WORKERS,
-        help="Processes; default: one per processor.",
+        help=f"Processes, {UP_TO[1]}; default: one per processor.",
         show_default=False,
     ),
 ]

@@ -212,6 +212,16 @@ def test_help(
         assert word in printed
 
 
+def test_help_says_ranges(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those that the refusals of other numbers state, too."""
+    assert main(["design", "--help"], monkeypatch) == 0
+    words = " ".join(re.sub("[│|]", " ", capsys.readouterr().out).split())
+    assert "Starts of the search, 1 to 10000;" in words
+    assert "Processes, 1 to 256, that share" in words
+
+
 @pytest.mark.slow
 def test_tables_in_si(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

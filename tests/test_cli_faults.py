@@ -158,6 +158,41 @@ def test_a_place_that_cannot_be_written(
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        ["check"],
+        ["draw"],
+        ["export"],
+        ["sensitivity"],
+        ["tolerances"],
+        ["control"],
+        ["what-if", "--set", "supply.pressure_bar=200"],
+        ["compare", "paper_1dof"],
+        ["pareto"],
+        ["steps"],
+        ["optimize"],
+        ["validate"],
+        ["design"],
+    ],
+    ids=" ".join,
+)
+def test_places_are_tried_before_work(
+    words: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Of a folder that is a file nothing but its refusal is printed."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    command, *more = words
+    assert main([command, "paper_1dof", *more, "--out", "notes.txt"], monkeypatch) == 2
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    assert_one_line(printed.err, "--out notes.txt")
+
+
+@pytest.mark.parametrize(
     "words", [["map"], ["nothing"], ["map", "a", "b"], ["map", "a", "--nothing"]]
 )
 def test_wrong_usage_is_code_2(words: list[str], tmp_path: Path) -> None:

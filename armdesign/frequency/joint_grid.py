@@ -87,7 +87,7 @@ def _checked_counts(machine: Machine, points: int | Sequence[int]) -> list[int]:
     whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in each)
     counts = [int(n) for n in each] if whole else []
     if len(counts) != nq or min(counts) < 2:
-        remedy = "give one number ≥ 2" + (f", or {nq} (one per joint)" if nq > 1 else "")
+        remedy = "give one number ≥ 2" + (f", or {nq} numbers, one per joint" if nq > 1 else "")
         raise ArmDesignError("points", f"{points} is not allowed", remedy)
     if math.prod(counts) > MOST:
         remedy = f"give at most {MOST // 10**6} million in all"

@@ -7,6 +7,7 @@ be checked. Faults that make a file unusable are in ``file_faults``.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,6 +29,7 @@ from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.units import WORKSHOP, Units
 
 SWEEP = 361  # poses over a joint's range at which moment arms are looked at
+TOLERANCE = 1e-9  # of a stroke, by which a pose may lie beyond its end
 
 
 @dataclass(frozen=True)
@@ -103,11 +105,22 @@ class Inspection:
         return "one turn" if machine.arm.joints[joint].endless else "joint limit"
 
     def poses_of(self, cylinder: int) -> RigidPoses:
-        """Poses along the range of a cylinder's joint; the workspace if it spans several."""
+        """Poses along the range of a cylinder's joint; of all joints if it spans several."""
         machine, joints = self.machine, self.machine.linkages[cylinder].joints
         if len(joints) == 1:
             return sweep(machine.arm, joints[0], over(machine.ranges[joints[0]], SWEEP))
-        return self.workspace.rigid
+        return self._poses_of_all(range(len(machine.cylinders)))
+
+    def _poses_of_all(self, cylinders: Iterable[int]) -> RigidPoses:
+        """Poses over all joint ranges at which some cylinders keep to their strokes.
+
+        On the usual grid, whatever the workspace's; the workspace where none of that is one.
+        """
+        machine = self.machine
+        q = mesh(joint_axes(machine, None, 0.0))
+        margins = machine.margins(q)[:, list(cylinders)].min(axis=1, initial=np.inf)
+        kept = q[margins >= -TOLERANCE]
+        return machine.arm.kinematics(kept) if len(kept) else self.workspace.rigid
 
     @cached_property
     def levers(self) -> list[Lever]:
@@ -141,9 +154,8 @@ class Inspection:
         machine, stroke = self.machine, self.machine.cylinders[cylinder].stroke
         poses, linkage = self.poses_of(cylinder), machine.linkages[cylinder]
         if len(linkage.joints) > 1:
-            q = mesh(joint_axes(machine, None, 0.0))
-            others = np.delete(machine.margins(q), cylinder, axis=1)
-            poses = machine.rigid_poses(q[others.min(axis=1, initial=np.inf) >= 0])
+            others = (k for k in range(len(machine.cylinders)) if k != cylinder)
+            poses = self._poses_of_all(others)
         closed = machine.cylinders[cylinder].closed_length
         return float(np.ptp(np.clip(linkage.length(poses), closed, closed + stroke)) / stroke)
 

@@ -27,6 +27,7 @@ from armdesign.machine.reaching import lattice, place_and_slopes, poses_reaching
 from armdesign.machine.tipping import tipping_masses
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.slews import UPRIGHT
 from armdesign.short_repr import short_repr
 from armdesign.units import mm
 
@@ -38,10 +39,10 @@ if TYPE_CHECKING:
 HYDRAULIC_SHARE, TIPPING_SHARE = 0.87, 0.75  # ISO 10567
 TIPPING = "tipping"
 STEPS = 6  # in the reach of the tool, about
+FEW, FINER = 6, 3  # places below which a default grid is made finer, and how often at most
 ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0)  # times a power of ten
 MOST = 2_000  # places of a grid
 RANDOM = 64  # poses at which it is looked which joints raise the point
-UPRIGHT = math.sqrt(0.5)  # of a unit vector's height, nearer to the vertical than the horizontal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -150,7 +151,8 @@ def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
     """
     poses = chart_poses(machine, like)
     masses = liftable_masses(machine, poses.rigid, poses.torque, HYDRAULIC_SHARE)
-    ahead = _ahead(machine, poses)
+    at = machine.arm.point(poses.rigid, poses.point.link, np.array(poses.point.at))
+    ahead = machine.arm.ahead(poses.rigid.q, at)
     tipping = TIPPING_SHARE * tipping_masses(machine, poses.rigid, ahead)
     least = np.minimum(masses.min(axis=1), tipping)
     best = poses.best(least)
@@ -190,19 +192,22 @@ def chart_poses(machine: Machine, like: LiftChart | None = None) -> ChartPoses:
     """The grid of a machine's lift chart and all poses on it; see ``lift_chart``."""
     section = machine.section.lift_chart or LiftChartSection()
     point, joints = _point_and_joints(machine, section)
-    step = section.step_m or _round_step(machine)
-    start = 2 * step if section.from_m is None else section.from_m
+    steps = (section.step_m,) if section.step_m else _round_steps(machine)
+    grids = [(step, 2 * step if section.from_m is None else section.from_m) for step in steps]
     others_at = machine.ranges.mean(axis=1)
     if like is not None:
-        step, start = like.poses.step, like.poses.start
+        grids = [(like.poses.step, like.poses.start)]
         if like.machine.joints == machine.joints:
             others_at = np.clip(like.poses.others_at, *machine.ranges.T)
-    q, which, places = _on_grid(machine, point, joints, others_at, (step, start))
-    rigid = machine.rigid_poses(q)
-    arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
-    held = ~is_singular(arms[..., : len(machine.joints)])
+    for step, start in grids:
+        q, which, places = _on_grid(machine, point, joints, others_at, (step, start))
+        rigid = machine.rigid_poses(q)
+        arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
+        held = ~is_singular(arms[..., : len(machine.joints)])
+        if len(np.unique(which[held])) >= FEW:
+            break
     if not held.any():
-        raise _out_of_reach(machine, point, (joints, others_at), (step, start))
+        raise _out_of_reach(machine, point, (joints, others_at), grids[0])
     used, place = np.unique(which[held], return_inverse=True)
     return ChartPoses(
         point=point,
@@ -302,8 +307,11 @@ def _usual(machine: Machine, raising: tuple[int, ...]) -> tuple[int, ...]:
     )
 
 
-def _round_step(machine: Machine) -> float:
-    """A round number [m] near a sixth of the tool's largest reach, each joint in turn."""
+def _round_steps(machine: Machine) -> tuple[float, ...]:
+    """A round number [m] near a sixth of the tool's largest reach, each joint in turn; finer ones.
+
+    These are for a range of the tool so narrow that hardly a place of the first lies in it.
+    """
     q, joints = machine.ranges.mean(axis=1), range(len(machine.joints))
     for j in (*joints, *joints, *joints):
         poses = lattice(machine, (j,), q)
@@ -311,7 +319,10 @@ def _round_step(machine: Machine) -> float:
         q = poses[place[:, 0].argmax()]
     sixth = float(place[:, 0].max()) / STEPS
     power = 10.0 ** math.floor(math.log10(max(sixth, 1e-3)))
-    return min((float(f"{power * n:g}") for n in ROUND), key=lambda step: abs(step - sixth))
+    sizes = [float(f"{scale * n:g}") for scale in (power / 10, power) for n in ROUND]
+    sizes = sorted(set(sizes))
+    first = min(range(len(sizes)), key=lambda k: abs(sizes[k] - sixth))
+    return tuple(sizes[max(first - FINER, 0) : first + 1][::-1])
 
 
 def _fault(machine: Machine, key: str, fault: str, remedy: str) -> MachineFileError:
@@ -342,9 +353,3 @@ def _out_of_reach(
     span = f"{least:.3g} to {most:.3g} m"
     remedy = f"it reaches from {span}: give from_m and step_m within that, or another point"
     return _fault(machine, (stated or ["link"])[0], fault, remedy)
-
-
-def _ahead(machine: Machine, poses: ChartPoses) -> Array:
-    """Place of the point ahead of the slew axis (m,) [m]."""
-    at = machine.arm.point(poses.rigid, poses.point.link, np.array(poses.point.at))
-    return np.einsum("ni,ni->n", at[:, :2], machine.arm.heading(poses.rigid.q))

@@ -3,7 +3,8 @@
 Moments balance about the tipping line ahead of the slew axis, or about the one behind it: on one
 side of it the point's mass, on the other what stands still (``[stability]``) and the arm's own
 links, cylinders and four-bars. The lines turn with the reach; where a crawler stands across,
-``front_mm`` is the distance of the track's edge.
+``front_mm`` is the distance of the track's edge. The ground is level, as the root is, whatever way
+the slew axis leans: distances are level ones from where that axis meets it.
 """
 
 from __future__ import annotations
@@ -74,11 +75,8 @@ def moving_mass(machine: Machine, rigid: RigidPoses) -> tuple[float, Array]:
     """
     arm = machine.arm
     masses, places = arm.bodies(rigid)
-    moves = [j for j in range(len(masses)) if j not in arm.slewing]
+    moves = [j for j in range(len(masses)) if j not in arm.slews]
     points = [(float(masses[j]), places[:, j]) for j in moves]
     points += [(mass, motion.value) for mass, motion in machine.bar_points(rigid)]
-    heading = arm.heading(rigid.q)
-    moment = sum(
-        (m * np.einsum("ni,ni->n", at[:, :2], heading) for m, at in points), np.zeros(len(rigid))
-    )
+    moment = sum((m * arm.ahead(rigid.q, at) for m, at in points), np.zeros(len(rigid)))
     return sum(m for m, _ in points), moment

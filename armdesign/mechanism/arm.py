@@ -24,6 +24,7 @@ from armdesign.errors import MachineFileError
 from armdesign.mechanism.composite_bodies import Bodies, inertia_and_gravity, model_indices
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.parallel_joints import turning_alike
+from armdesign.mechanism.slews import Slews, slews_of
 from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf import read_urdf, rotated, turned
 from armdesign.threads import in_threads
@@ -181,17 +182,15 @@ class Arm:
         return self._chains[joint] if joint >= 0 else ()
 
     @cached_property
+    def slews(self) -> Slews:
+        """Joints that turn the whole arm about an upright axis."""
+        zero = self.kinematics(np.zeros((1, len(self.joints))))
+        return slews_of(self.coordinates, self.outwards, zero.axis[0], zero.translation[0])
+
+    @property
     def slewing(self) -> dict[int, float]:
         """Joints that turn the arm about the vertical, +1 if up else −1: M and g ignore them."""
-        axes = self.kinematics(np.zeros((1, len(self.joints)))).axis[0]
-        signs: dict[int, float] = {}
-        for index in self.outwards:
-            joint, upward = self.coordinates[index], float(axes[index, 2])
-            siblings = sum(other.parent == joint.parent for other in self.coordinates)
-            carries_all = joint.parent in (-1, *signs) and siblings == 1
-            if joint.revolute and carries_all and abs(abs(upward) - 1) < 1e-12:
-                signs[index] = upward
-        return signs
+        return self.slews.vertical
 
     def without_effect(self, spanned: Collection[int]) -> frozenset[int]:
         """Joints of q whose position changes no frequency, with ``spanned`` ones between pins.
@@ -200,8 +199,8 @@ class Arm:
         length and moment arm with it. Slewing that carries an axis beside its own changes the
         inertia that the lower axis feels.
         """
-        slewing, q = list(self.slewing), np.zeros((1, len(self.joints)))
-        feet = self.kinematics(q).translation[0, slewing, :2]
+        slewing = list(self.slewing)
+        feet = np.array([self.slews.places[j][:2] for j in slewing])
         return frozenset(
             j
             for k, j in enumerate(slewing)
@@ -212,11 +211,11 @@ class Arm:
 
     def heading(self, q: Array) -> Array:
         """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
-        if not self.slewing:
-            return np.broadcast_to(np.array([1.0, 0.0]), (len(q), 2))
-        z = self.with_springs(q)
-        angle = sum((sign * z[:, j] for j, sign in self.slewing.items()), np.zeros(len(q)))
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return self.slews.heading(self.with_springs(q))
+
+    def ahead(self, q: Array, place: Array) -> Array:
+        """Level distance of places (n, 3) from the slew axis on the ground, where it heads [m]."""
+        return np.einsum("ni,ni->n", place[:, :2] - self.slews.foot, self.heading(q))
 
     def reach(self, q: Array, place: Array) -> Array:
         """Horizontal distance of places (n, 3) from the root's z axis [m]; negative behind it."""

@@ -11,6 +11,7 @@ from armdesign.arrays import Array
 from armdesign.paper.configurations import FORMULAS, PUBLISHED
 from armdesign.plots.canvas import COMPUTED, MARK, Style, figure, literal
 from armdesign.plots.charts import Chart, Curve
+from armdesign.plots.labels import spread
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, percent
 
@@ -186,6 +187,7 @@ BIASES = {
     "position_peak": "peak of position",
     "speed_fit": "fit to speed",
 }
+NAME = 0.115  # [in] from the name of a curve to the next
 SCANNED = {
     "static_11": "(11)",
     "static_12": "(12)",
@@ -282,13 +284,13 @@ def curve_family(ax: Axes, x: Array, family: Array, y: Array, *, label: str, **s
 def name_ends(ax: Axes, x: Array, family: Array, y: Array, unit: str) -> None:
     """The value of each curve's ``family`` (n,) beside its left end, in a margin made for it."""
     low, high = float(x.min()), float(x.max())
-    ax.set_xlim(low - 0.16 * (high - low), high + 0.04 * (high - low))
-    beside: Style = {
-        "xytext": (-6, 0),
-        "textcoords": "offset points",
-        "ha": "right",
-        "va": "center",
-    }
-    for row in np.flatnonzero(x == low):
-        words = f"{family[row]:g} {unit}"
-        ax.annotate(words, (low, y[row]), **beside, fontsize=6.5, color=COMPUTED)
+    ax.set(xlim=(low - 0.16 * (high - low), high + 0.04 * (high - low)), ylim=ax.get_ylim())
+    ends = np.flatnonzero(x == low)
+    ends = ends[np.argsort(-y[ends])]
+    top = ax.get_ylim()[1]
+    inches = ax.get_window_extent().height / ax.figure.dpi
+    heights = spread(y[ends] / top, NAME / inches, 0.0, 1.0) * top
+    beside: Style = {"textcoords": "offset points", "ha": "right", "va": "center"}
+    for row, height in zip(ends, heights, strict=True):
+        words, at = f"{family[row]:g} {unit}", (low, float(height))
+        ax.annotate(words, at, (-6, 0), **beside, fontsize=6.5, color=COMPUTED)

@@ -82,7 +82,12 @@ def _rows(ax: Axes, column: Sequence[Label]) -> Array:
     height = min(box.height, box.width * (high - low) / (right - left)) / ax.figure.dpi
     begin, end = BELOW / height, max(1 - ABOVE / height, BELOW / height)
     apart = min(APART / height, (end - begin) / max(len(column) - 1, 1))
-    rows = _shares(ax, column)[:, 1]
+    return spread(_shares(ax, column)[:, 1], apart, begin, end)
+
+
+def spread(rows: Array, apart: float, begin: float, end: float) -> Array:
+    """Heights (n,), falling, pushed so far that neighbours are ``apart``, between two ends."""
+    rows = rows.copy()
     for _ in range(200):  # neighbours push each other apart
         rows = np.clip(rows, begin, end)
         gaps = rows[:-1] - rows[1:] - apart

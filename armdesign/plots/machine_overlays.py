@@ -23,6 +23,7 @@ from armdesign.plots.machines import (
     head,
     heading,
     new_axes,
+    without_white,
 )
 from armdesign.units import mm
 
@@ -34,6 +35,7 @@ SEEN = 0.06  # of the drawn size: how long an arrow may be made
 GHOST: Style = {"fc": "none", "ec": "#6b7280", "lw": 0.8, "ls": (0, (4, 2))}
 
 
+@without_white
 @literal
 def machine_overlay(
     old: Machine,

@@ -78,21 +78,23 @@ def joint_labels(machine: Machine, view: SideView) -> list[Label]:
     return labels
 
 
-def ends(view: SideView) -> list[Label]:
-    """Labels of the tool, with its place, and of loads."""
-    x, z = view.tool[0]
+def ends(machine: Machine, view: SideView) -> list[Label]:
+    """Labels of the tool, with its reach and height, and of loads."""
+    arm, z = machine.arm, view.coordinates[:1]
+    tool = arm.point(arm.kinematics(z), machine.tool.link, np.array(machine.tool.at))
+    reach, height = float(arm.reach(z, tool)[0]), tool[0, 2]
     there = {
         name: bool(np.hypot(*(places[0] - view.tool[0])) < 1e-3)
         for name, places in view.loads.items()
     }
     head = ", ".join(["tool", *(f"payload {name}" for name in there if there[name])])
-    tool = Label(at=view.tool[0], head=head, below=number(f"{x:.3f}, {z:.3f} m"), colour=MARK)
+    place = number(f"{reach:.3f}, {height:.3f} m")
     apart = [
         Label(at=places[0], head=f"payload {name}", below="", colour=INK)
         for name, places in view.loads.items()
         if not there[name]
     ]
-    return [tool, *apart]
+    return [Label(at=view.tool[0], head=head, below=place, colour=MARK), *apart]
 
 
 def sizes_legend(ax: Axes, machines: Sequence[Machine]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,14 +19,17 @@ from armdesign.plots.canvas import (
     INK,
     MARK,
     WIDTH,
+    P,
     Style,
     figure,
     literal,
     show_in_notebooks,
+    style,
     title_of,
     wrapped,
 )
 from armdesign.plots.labels import place_labels, room_for
+from armdesign.plots.layout import PAD
 from armdesign.plots.machine_words import (
     ends,
     faults,
@@ -47,6 +51,25 @@ HEADING = 9.0  # [pt] letters of the title and the words below it
 BESIDE = 0.22  # of the width: the range of the tool
 
 
+def without_white(draw: Callable[P, Axes]) -> Callable[P, Axes]:
+    """The drawing, whose new figure ends below what it shows: equal scales leave white there."""
+
+    @wraps(draw)
+    def drawn(*words: P.args, **named: P.kwargs) -> Axes:
+        ax = draw(*words, **named)
+        if all(one is not ax for one in (*words, *named.values())):
+            fig: Any = ax.figure
+            with style():
+                fig.draw_without_rendering()
+                white = fig.get_tightbbox(fig._get_renderer()).y0 - PAD
+            width, height = fig.get_size_inches()
+            fig.set_size_inches(width, height - max(white, 0.0))
+        return ax
+
+    return drawn
+
+
+@without_white
 @literal
 def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
     """Side view of a machine to scale, with its pins' names and coordinates; returns the axes.
@@ -62,7 +85,7 @@ def machine_drawing(machine: Machine, q: ArrayLike | None = None, ax: Axes | Non
     """
     view = side_view(machine, middle_pose(machine) if q is None else q)
     wrong = faults(view)
-    labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(view)]
+    labels = [*pin_labels(machine, view), *joint_labels(machine, view), *ends(machine, view)]
     width = axes_width(beside=True)
     room, limits = room_for(labels, extent([view]), width)
     if ax is None:

@@ -134,7 +134,7 @@ def test_a_seed_is_a_whole_number(excavator: ad.Machine) -> None:
     ("name", "remedy"),
     [
         ("paper_1dof", r"give one number ≥ 2$"),
-        ("excavator_20t", r"give one number ≥ 2, or 3 \(one per joint\)$"),
+        ("excavator_20t", r"give one number ≥ 2, or 3 numbers, one per joint$"),
     ],
 )
 def test_the_remedy_for_points_names_counts_per_joint_only_where_there_are_several(

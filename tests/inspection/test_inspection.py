@@ -241,6 +241,27 @@ def test_a_cylinder_across_joints_that_ends_their_motion_uses_its_stroke(points:
     assert inspect(short, ad.Workspace.grid(short, points)).stroke_used(k) == pytest.approx(1)
 
 
+@pytest.mark.parametrize("points", [3, 9])
+def test_moment_arms_across_joints_do_not_depend_on_the_grid(points: int) -> None:
+    """By differences of the pin-to-pin length at those of 401 × 401 poses over both ranges that
+    are within a short stroke; the usual grid has 115 × 172, which end as much inside.
+    """
+    ends = {"cylinder.long.closed_length_mm": 3300, "cylinder.long.stroke_mm": 80}
+    machine = machines.named("crossing").replace(ends)
+    (k,) = [k for k, one in enumerate(machine.cylinders) if one.name == "long"]
+    found = inspect(machine, ad.Workspace.grid(machine, points)).levers
+    axes = np.meshgrid(*(np.linspace(*span, 401) for span in machine.ranges))
+    q = np.column_stack([axis.ravel() for axis in axes])
+    q = q[machine.margins(q).min(axis=1) >= -1e-9]
+    for lever in (one for one in found if one.cylinder == k):
+        step = 1e-6 * np.eye(2)[lever.joint]
+        ahead, back = (
+            machine.linkages[k].length(machine.arm.kinematics(x)) for x in (q + step, q - step)
+        )
+        arms = np.abs(ahead - back) / 2e-6
+        assert (lever.least, lever.most) == pytest.approx((arms.min(), arms.max()), rel=2e-3)
+
+
 def test_a_catalogue_that_the_machine_cannot_take_is_told() -> None:
     """Four cylinders on two joints; designs refuse what `check` tells."""
     machine = machines.demanding(machines.named("redundant"), 'catalogue = "iso"')

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import armdesign as ad
@@ -14,7 +15,7 @@ from armdesign import ArmDesignError, LiftChart, Machine
 from armdesign.inspection.inspection import inspect
 from armdesign.machine.lifting import liftable_masses, torque_per_mass
 from armdesign.machine.tipping import moving_mass, tipping_masses
-from tests.machines import BOOM, FOLD, LIFT, STICK, Joint, build, named
+from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, CylinderSpec, Joint, build, named
 from tests.planar_arm import at
 from tests.planar_file import read_payload
 from tests.reference_planar import Reference
@@ -256,6 +257,27 @@ def test_a_slew_on_a_base_that_is_not_level_brings_no_point_to_its_place() -> No
     np.testing.assert_allclose(slewing.q, np.insert(standing.q, 0, 0.0, axis=1), atol=1e-9)
     np.testing.assert_allclose(slewing.capacity, standing.capacity, rtol=1e-9)
     assert len(slewing.reach) >= 3
+
+
+def test_the_usual_grid_is_finer_where_the_tool_has_a_narrow_range() -> None:
+    """A loader, whose tool its own boom and four-bar keep 3 to 4 m away: the usual grid is the
+    first of the round ones with six places, and its chart that of the file with its step.
+    """
+    boom = replace(BOOM, xyz=(0, 0, 1.9))
+    bucket = replace(BUCKET, parent="boom", xyz=(2.6, 0, 0), com=(0.5, 0, 0.2))
+    lift = CylinderSpec("lift", ("root", (0.3, 0, 0.9)), ("boom", (1.3, 0, -0.1)))
+    base, pivot, lug = (0.4, 0, 0.6), (2.2, 0, 0.2), (0.1, 0, 0.35)
+    tilt = CylinderSpec("tilt", ("boom", base), pivot=("boom", pivot), lug=("bucket", lug))
+    chart = ad.lift_chart(build([boom, bucket], [lift, tilt]))
+    assert (chart.poses.step, chart.poses.start) == (0.2, 0.4)
+
+    def stated(step: float) -> LiftChart:
+        table = f"[lift_chart]\nstep_m = {step}"
+        return ad.lift_chart(build([boom, bucket], [lift, tilt], more=table))
+
+    assert all(len(stated(step).reach) < 6 for step in (0.3, 0.5))
+    assert len(chart.reach) >= 6
+    pd.testing.assert_frame_equal(stated(0.2).frame, chart.frame)
 
 
 def test_the_table_says_point_joints_and_grid() -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import matplotlib.image
 import numpy as np
 import pytest
 
@@ -16,8 +18,9 @@ from armdesign.drawing.moved_pins import changed_bars, moved_pins
 from armdesign.drawing.side_view import side_view
 from armdesign.errors import ArmDesignError
 from armdesign.plots import canvas
+from armdesign.plots.machine_words import ends
 from tests.commands import main
-from tests.machines import named
+from tests.machines import BOOM, LIFT, Joint, build, named
 
 MOVED = {
     "cylinder.boom.base.at_mm": [520.0, 0.0, -650.0],
@@ -314,3 +317,31 @@ def test_modes_show_the_load_at_work_and_the_tool_at_rest_apart_from_the_ends() 
     words = [text.get_text() for text in fig.legends[0].get_texts()]
     assert words[0] == "at rest"
     assert len(words) == 3
+
+
+@pytest.mark.parametrize("turn", [0.0, 50.0, -120.0])
+def test_the_tool_is_named_at_its_reach(turn: float) -> None:
+    """Of a slew 0.6 m ahead of the root's axis and 0.2 m aside: the tool's distance in space."""
+    column = Joint("column", "root", (0.6, 0.2, 0.8), axis=(0, 0, 1), limits=(-3, 3))
+    motor = (
+        "[motor.column]\ndisplacement_cm3 = 250\ngear_ratio = 28\n"
+        "trapped_volume_l = { a = 0.6, b = 0.6 }"
+    )
+    lift = replace(LIFT, base=("column", (0.7, 0, 0.1)))
+    machine = build([column, replace(BOOM, parent="column")], [lift], more=motor)
+    q = np.array([math.radians(turn), 0.1])
+    x, y, z = machine.at([q]).tool[0]
+    said = {label.head: label.below for label in ends(machine, side_view(machine, q))}
+    (words,) = (below for head, below in said.items() if head.startswith("tool"))
+    assert words == f"{math.hypot(x, y):.3f}, {z:.3f} m"
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "paper_1dof", "loader_crane"])
+def test_drawings_end_below_what_they_show(name: str, tmp_path: Path) -> None:
+    """Less than 0.16 inches of white below; drawings of one machine had 0.38 and more."""
+    machine = named(name)
+    for ax in (plots.machine_drawing(machine), plots.machine_overlay(machine, machine)):
+        pixels = matplotlib.image.imread(plots.save(ax.figure, tmp_path / "drawn.png"))
+        inked = np.flatnonzero((pixels[..., :3] < 0.99).any(axis=(1, 2)))
+        white = 1 - (inked[-1] + 1) / len(pixels)
+        assert white * ax.figure.get_size_inches()[1] < 0.16

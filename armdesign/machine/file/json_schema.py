@@ -116,7 +116,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "link_mass_share": "of mass and inertia of what each joint moves",
     "tolerances": "how far single machines may lie from this file's values, either way",
     "lift_chart": "grid on which the lift chart says what the machine lifts (ISO 10567)",
-    "step_m": "of the grid, in reach and height; default: about a sixth of the reach, round",
+    "step_m": "of the grid, in reach and height; default: about a sixth of the reach, round, or"
+    " finer where fewer than 6 places are within reach",
     "from_m": "least reach of the grid; default: two steps",
     "stability": "what stands still while the arm moves, and where the machine tips over",
     "front_mm": "tipping line ahead of the slew axis, from it",

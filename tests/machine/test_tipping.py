@@ -1,0 +1,106 @@
+"""Tipping of machines whose slew leans or stands apart: by virtual work, and by continuity."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armdesign as ad
+from armdesign import Machine
+from armdesign.machine.tipping import centre_ahead, tipping_masses
+from tests.machines import BOOM, FOLD, LIFT, STICK, Joint, build
+
+COLUMN = Joint("column", "root", xyz=(0.6, 0.2, 0.8), axis=(0, 0, 1), limits=(-3, 3), mass=700)
+MOTOR = """
+[motor.column]
+displacement_cm3 = 250
+gear_ratio = 28
+trapped_volume_l = { a = 0.6, b = 0.6 }
+"""
+STABILITY = """
+[stability]
+mass_kg = 900
+at_mm = [-300, 0, 0]
+front_mm = 900
+rear_mm = 1000
+"""
+
+
+def _leaning(roll: float, pitch: float, limits: tuple[float, float] = (-3, 3)) -> Machine:
+    """A column that leans by two angles [rad], boom and stick."""
+    column = replace(COLUMN, rpy=(roll, pitch, 0), limits=limits)
+    lift = replace(LIFT, base=("column", (0.7, 0, 0.1)))
+    joints = [column, replace(BOOM, parent="column"), STICK]
+    return build(joints, [lift, FOLD], more=MOTOR + STABILITY)
+
+
+def _tipping_by_virtual_work(
+    lean: tuple[float, float], q: np.ndarray, point: tuple[float, ...], line: float
+) -> float:
+    """Work of all weights as the machine turns about a line on the ground, over that of 1 kg.
+
+    Frames by scipy's rotations from the joints as the URDF has them; masses are the links', 900 kg
+    0.3 m behind the slew axis, and the kilogram at the stick's point. Of a line behind the axis
+    the distance is negative. Differences of ± 1e-6 rad leave their square.
+    """
+    turn, up = Rotation.from_rotvec, np.array([0, 0, 1.0])
+    leaning, root = Rotation.from_euler("xyz", [*lean, 0]), np.array(COLUMN.xyz)
+    axis = leaning.apply(up)
+    foot = root - root[2] / axis[2] * axis
+    ahead = turn(q[0] * axis).apply(np.array([1.0, 0, 0]) - axis[0] * axis)
+    ahead = np.array([*ahead[:2], 0]) / math.hypot(*ahead[:2])
+    frame, at = leaning * turn([0, 0, q[0]]), root
+    weights = [(900.0, foot - 0.3 * ahead)]
+    for joint, angle in zip((BOOM, STICK), q[1:], strict=True):
+        at = at + frame.apply(joint.xyz)
+        frame = frame * Rotation.from_euler("xyz", joint.rpy) * turn([0, -angle, 0])
+        weights.append((joint.mass, at + frame.apply(joint.com)))
+    edge = foot + line * ahead
+
+    def work(mass: float, place: np.ndarray) -> float:
+        turned = [turn(s * 1e-6 * np.cross(up, ahead)).apply(place - edge)[2] for s in (-1, 1)]
+        return mass * (turned[1] - turned[0])
+
+    return -sum(work(*weight) for weight in weights) / work(1.0, at + frame.apply(point))
+
+
+@pytest.mark.parametrize("lean", [(0, 0), (0.5, 0), (0, -0.5), (10, 0), (0, 10), (-6, 8)])
+def test_tipping_of_a_slew_that_leans(lean: tuple[float, float]) -> None:
+    """Masses that tip it about both lines, all around, by virtual work from the joints."""
+    roll, pitch = (math.radians(angle) for angle in lean)
+    machine = _leaning(roll, pitch)
+    turns = np.radians(np.arange(-170, 190, 40))
+    q = np.column_stack([turns, np.linspace(-0.2, 0.2, 9), np.linspace(0.1, -0.25, 9)])
+    rigid = machine.rigid_poses(q)
+    for point, line in (((4.0, 0.0, 0.1), 0.9), ((-9.0, 0.0, 0.1), -1.0)):
+        wanted = [_tipping_by_virtual_work((roll, pitch), pose, point, line) for pose in q]
+        assert 0 < min(wanted) < max(wanted) < 10_000
+        ahead = machine.arm.ahead(q, machine.arm.point(rigid, "stick", np.array(point)))
+        np.testing.assert_allclose(tipping_masses(machine, rigid, ahead), wanted, rtol=1e-8)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.6, 3.1])
+def test_no_jump_where_a_slew_becomes_vertical(turn: float) -> None:
+    """A slew that leans by 1e-5 rad: chart and centre of mass differ by as little, all around."""
+    limits = (turn - 0.02, turn + 0.02)
+    one, other = _leaning(0, 0, limits), _leaning(1e-5, -1e-5, limits)
+    chart, near = ad.lift_chart(one), ad.lift_chart(other)
+    np.testing.assert_allclose(near.reach, chart.reach, atol=1e-9)
+    np.testing.assert_allclose(near.tipping, chart.tipping, rtol=1e-3)
+    assert np.isfinite(chart.tipping).all()
+    q = np.array([[turn, 0.1, -0.1]])
+    centres = [centre_ahead(machine, machine.rigid_poses(q)) for machine in (one, other)]
+    np.testing.assert_allclose(*centres, atol=1e-4)
+
+
+def test_moments_do_not_turn_with_a_slew_apart_from_the_root() -> None:
+    """Lines are ahead of the slew axis and behind it: all turns of a vertical one are alike."""
+    machine = _leaning(0, 0)
+    q = np.array([[turn, 0.1, -0.1] for turn in (0.0, 1.0, -2.5)])
+    np.testing.assert_allclose(
+        np.ptp(centre_ahead(machine, machine.rigid_poses(q))), 0, atol=1e-12
+    )
