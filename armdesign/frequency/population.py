@@ -47,7 +47,7 @@ def lowest_by_population(case: CasePoses, starts: Array) -> tuple[Array, float]:
     shares = np.concatenate([known, _at_random(known[0], moving, SPREAD * count, random)])
     values = _frequencies(case, poses(shares))
     for reach in SHRINK ** np.arange(ROUNDS):
-        parents = _lowest_apart(shares, values, APART * reach)[: PARENTS * count]
+        parents = lowest_apart(shares, values, APART * reach)[: PARENTS * count]
         shares, values = shares[parents], values[parents]
         tried = _about(shares, moving, CHILDREN * count, STEP * reach, random)
         shares = np.concatenate([shares, tried])
@@ -77,7 +77,7 @@ def _at_random(still: Array, moving: Array, count: int, random: np.random.Genera
     return np.where(moving, shares, still)
 
 
-def _lowest_apart(shares: Array, values: Array, apart: float) -> Array:
+def lowest_apart(shares: Array, values: Array, apart: float) -> Array:
     """Indices of poses from the lowest up, of each box of the size ``apart`` the lowest alone."""
     ranked = np.argsort(values, kind="stable")[:RANKED]
     boxes = np.round(shares[ranked] / apart).astype(int)

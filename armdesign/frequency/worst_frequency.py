@@ -159,12 +159,14 @@ def refined(case: CasePoses, frequency: Array) -> WorstPose:
     return _from_starts(case, *_starts(case, frequency), FAR * float(frequency.min()))
 
 
-def local_minima(case: CasePoses, frequency: Array) -> Iterator[tuple[Array, float]]:
+def local_minima(case: CasePoses, frequency: Array, more: Array) -> Iterator[tuple[Array, float]]:
     """Poses (nq,) at which the frequency has a local minimum, with it [Hz].
 
-    Local searches start from the poses of the lowest ``frequency`` (m,) [Hz].
+    Local searches start from the poses of the lowest ``frequency`` (m,) [Hz], and descents from
+    ``more`` poses (k, nq).
     """
-    return _minima(case, _starts(case, frequency)[0])
+    yield from _minima(case, _starts(case, frequency)[0])
+    yield from _descents(case, more)
 
 
 def _from_starts(case: CasePoses, starts: Array, frequencies: Array, most: float) -> WorstPose:
@@ -183,6 +185,10 @@ def _minima(case: CasePoses, starts: Array) -> Iterator[tuple[Array, float]]:
         if frequency < np.inf:
             yield lowest, float(lowest_frequency(case.machine.at(case.rigid_at(lowest)))[0])
             starts = np.concatenate([starts, lowest[None]])
+    yield from _descents(case, starts)
+
+
+def _descents(case: CasePoses, starts: Array) -> Iterator[tuple[Array, float]]:
     for start in starts:
         minimum = _descend(case, start)
         if minimum is not None:

@@ -10,6 +10,7 @@ from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of, refuse_missing
 from armdesign.frequency.modes import lowest_frequency, natural_modes
+from armdesign.frequency.population import lowest_apart
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import WorstPose, local_minima, worst_pose
 from armdesign.influence.compass_search import lowest_near
@@ -21,6 +22,7 @@ from armdesign.mechanism.arm import RigidPoses
 WITHIN = 0.25  # of the worst frequency: poses so near to it are its rivals
 APART = 0.02  # of a joint's range: poses nearer than this are one
 MOST = 8  # rivals, the worst pose with them
+TRIED, TRIED_APART = 100, 0.2  # poses from which they are sought, over the joints' ranges
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +115,7 @@ def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tu
     minima = [
         (case, q, value)
         for case, values in parts.items()
-        for q, value in _minima(case, np.concatenate(values))
+        for q, value in _minima(case, np.concatenate(values), within)
     ]
     minima.sort(key=lambda minimum: minimum[2])
     least = minima[0][2]
@@ -127,9 +129,26 @@ def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tu
     return tuple(_rival(*minimum) for minimum in _apart(workspace, near)[:MOST])
 
 
-def _minima(case: CasePoses, frequency: Array) -> list[tuple[Array, float]]:
-    lowest = case.workspace.q[case.exists][frequency.argmin()], float(frequency.min())
-    return [*local_minima(case, frequency), lowest]
+def _minima(case: CasePoses, frequency: Array, within: float) -> list[tuple[Array, float]]:
+    q = case.workspace.q[case.exists]
+    lowest = q[frequency.argmin()], float(frequency.min())
+    return [*local_minima(case, frequency, _sought(case, q, frequency, within)), lowest]
+
+
+def _sought(case: CasePoses, q: Array, frequency: Array, within: float) -> Array:
+    """Poses (m, nq) apart at which searches end that start all over the poses near the lowest.
+
+    Kinks are narrow: no pose of a coarse grid need be lowest among its neighbours beside one.
+    """
+    machine, workspace = case.machine, case.workspace
+    near = np.flatnonzero(frequency <= (1 + within) * frequency.min())
+    span = np.where((ranges := np.ptp(workspace.ranges, axis=1)) > 0, ranges, 1.0)
+    starts = q[near][lowest_apart(q[near] / span, frequency[near], TRIED_APART)[:TRIED]]
+    ends = Ends(machine, workspace.end_margin, (), np.zeros(0))
+    values, at = lowest_near(Family.of(machine, {}, len(starts)), ends, starts)
+    order = [k for k in np.argsort(values) if np.isfinite(values[k])]
+    found = _apart(workspace, [(case, at[k], float(values[k])) for k in order])
+    return np.array([pose for _, pose, _ in found[:MOST]]).reshape(-1, q.shape[1])
 
 
 def _apart(

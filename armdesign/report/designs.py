@@ -225,7 +225,7 @@ def _where_it_is_least(design: Design) -> str:
     ends = _reached(design, design.judged)
     if ends == percent(design.least_gain):
         return ""
-    where = "between the corners that it was designed for"
+    where = "elsewhere than at the corners that it was designed for"
     if percent(design.gain) == percent(design.least_gain):
         where = "at the file's values"
     return f", {where}; at the corners {ends}"

@@ -67,7 +67,7 @@ def test_what_buildability_costs(catalogue: str) -> None:
                 payload=(0.8, 1.2),
                 link_mass=(0.9, 1.1),
             ),
-            "between the corners that it was designed for",
+            "elsewhere than at the corners that it was designed for",
         ),
     ],
 )

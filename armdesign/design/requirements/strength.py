@@ -123,6 +123,8 @@ def _buckling(
     needed = (new.closed[:, i] + new.stroke[:, i]) * np.sqrt(factor * new.areas[:, i, 0])
     if column == "stepped":
         needed = needed * np.sqrt(_buckling_safety(new, i, pressure, "rod") / safety)
+    # below 1 the rod buckles under the thrust, as today's may already, of which a share is kept
+    end = min(1.0, least) if least > 1 or setting == "buckling_factor" else 0.0
     return Evaluation(
         name=f"{setting.split('.')[0].removesuffix('_share')}.{reference.today.cylinders[i].name}",
         words=words,
@@ -135,7 +137,7 @@ def _buckling(
         tightening_factor=4.0,
         curved=True,
         setting=setting,
-        end=1.0 if least > 1 else 0.0,  # where the rod buckles under the thrust
+        end=end,
     )
 
 

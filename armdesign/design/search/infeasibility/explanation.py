@@ -54,7 +54,8 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
 
     ``design`` is told whether any will do: under what is granted, where none is asked for.
     What is refused again under what a refusal grants joins it, until there is a design, or a
-    machine was drawn on the way to the refusal.
+    machine was drawn on the way to the refusal. A machine with sizes of a ``catalogue`` is no
+    proof that a search, which may choose others, comes to one.
 
     Raises:
         InfeasibleError: of ``design``, with amounts that are enough in the same setting.
@@ -70,7 +71,7 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
             if granted == requirements:  # nothing that a file could state helps
                 break
             requirements = granted
-            if refusal.drawn:
+            if refusal.drawn and not catalogue:
                 settled = True
                 break
         else:

@@ -11,6 +11,7 @@ import pytest
 import armdesign as ad
 from armdesign import Requirements
 from armdesign.design.program.constraints import evaluations_at
+from armdesign.design.search.infeasibility.concessions import largest_share
 from armdesign.errors import InfeasibleError
 from tests.design.designs import MACHINES, problem_of, workspace_of
 
@@ -59,3 +60,17 @@ def test_room_of_a_limit_of_buckling_is_what_the_constraint_gains(share: float) 
     before, after = (e.constraint[0, 0].real for e in limits)
     gained = limits[0].room(share) * limits[0].limit_sensitivity[0, 0].real
     np.testing.assert_allclose(gained, after - before, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("least", "most"), [(2.0, 0.5), (1.0, 0.0), (0.8, 0.0)])
+def test_a_factor_of_a_file_at_or_below_1_gives_nothing(least: float, most: float) -> None:
+    """A refusal lowered what the file itself states there, below the thrust."""
+    requirements = replace(problem_of("double").requirements, buckling_factor=least)
+    problem = problem_of("double").under(requirements)
+    shares = [
+        largest_share(requirements, e)
+        for e in evaluations_at(problem, problem.vector.start)
+        if e.setting == "buckling_factor"
+    ]
+    np.testing.assert_allclose(shares, most, atol=1e-3)  # within what a file allows
+    assert len(shares) == 2

@@ -371,3 +371,29 @@ def test_conflicts_with_a_common_requirement_are_one() -> None:
     assert f"no design meets {one}, nor holding.lift; as these" in str(error.value)
     assert "these alone gave no design, oil.cap.lift gives besides; relax" in str(error.value)
     assert [c.part for c in error.value.conflict] == [0, 0, 0, 1, BESIDES]
+
+
+@pytest.mark.parametrize(("catalogue", "count"), [(True, 2), (False, 1)])
+def test_what_a_search_of_a_catalogue_refuses_again_is_asked_for_at_once(
+    catalogue: bool, count: int
+) -> None:
+    """A machine had been drawn with sizes that the search does not choose under what it asked
+    for: "which is enough" stood there, and granted it was refused.
+    """
+    problem = problem_of("single", ("areas",))
+    machine, space = problem.machine, problem.workspace
+    wanted = [("thrust.lift", 1.2), ("buckling.lift", 0.9)]
+
+    def design(problem: Problem, any_will_do: bool) -> str:
+        checks = {c.name: c for c in check(machine, machine, space, problem.requirements)}
+        if not wanted:
+            return "a design"
+        name, value = wanted.pop(0)
+        one = Concession(**checks[name].identity, together=0.1, alone=None, value=value)
+        refusal = conflict_error("odd", [one])
+        refusal.drawn = True
+        raise refusal
+
+    with pytest.raises(InfeasibleError) as error:
+        design_or_proof(problem, design, catalogue=catalogue)
+    assert [c.value for c in error.value.conflict] == [1.2, 0.9][:count]
