@@ -200,7 +200,7 @@ def bandwidth_map(
          boom  f1_hz  merritt_hz  damped_hz
         -0.82   7.45        0.30       5.50
         -0.08  10.40        0.42       7.59
-         0.65  16.63        0.67      11.97
+         0.65  16.63        0.67      11.96
     """
     options = ControlOptions(
         damping=damping,

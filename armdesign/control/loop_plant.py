@@ -177,7 +177,7 @@ class LoopPlant(ReadOnly):
         (n, f), (poles, outputs, inputs) = omega.shape, self._modal
         residues = np.swapaxes(outputs, 1, 2)[:, :, :, None] * inputs[:, :, None]
         response = np.empty((n, f, *residues.shape[2:]), complex)
-        step = max(AT_ONCE // f, 1)
+        step = max(AT_ONCE // max(f, 1), 1)
         for begin in range(0, n, step):
             rows = slice(begin, begin + step)
             resolvent = 1 / (1j * omega[rows, :, None] - poles[rows, None])

@@ -14,6 +14,7 @@ with P joint positions and Y load pressures by demanded piston speeds. One inver
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import NamedTuple
@@ -110,19 +111,35 @@ class Loops(ReadOnly):
         """The order in which the frequencies of each pose are looked at (n, f)."""
         return np.tile(np.arange(self.omega.shape[1]), (len(self.omega), 1))
 
+    def joined(self, others: Sequence[Loops]) -> Loops:
+        """The loops of the same plants at these frequencies and at those of others."""
+        parts = [self, *others]
+        omegas = [each.omega for each in parts]
+        omega, positions = in_order(omegas, [each.positions for each in parts])
+        pressures = in_order(omegas, [each.pressures for each in parts])[1]
+        return Loops(omega, positions, pressures, self.moment_arms)
+
+    def closed(self, controller: Controller) -> tuple[Array, Array, Array]:
+        """S at the commands (n, f, nc, nc) and position errors (n, f, nq, nq), P (I + L_c)⁻¹ R."""
+        S_c = np.linalg.inv(self.returned(controller))
+        closed = self.positions @ S_c @ self.moment_arms[:, None]
+        return S_c, np.eye(closed.shape[-1]) - closed * controller.position[:, None, None], closed
+
+    def responses(self, controller: Controller, S: Array, closed: Array) -> tuple[Array, Array]:
+        """Of each loop (n, f, nq), the others closed: T, and with feed-forward of the speed."""
+        own, moved = (np.diagonal(each, axis1=2, axis2=3) for each in (S, closed))
+        return 1 - own, moved * (controller.position[:, None] + 1j * self.omega[..., None])
+
     def figures(self, controller: Controller) -> LoopFigures:
         """Margins, bandwidths and peaks of the closed loops; 0 at poses without gains."""
-        gains = controller.position[:, None]
-        S_c = np.linalg.inv(self.returned(controller))
-        closed = self.positions @ S_c @ self.moment_arms[:, None]  # P (I + L_c)⁻¹ R
-        S = np.eye(gains.shape[-1]) - closed * gains[..., None, :]
-        own, moved = (np.diagonal(each, axis1=2, axis2=3) for each in (S, closed))
-        asked = moved * (gains + 1j * self.omega[..., None])
+        S_c, S, closed = self.closed(controller)
+        own = np.diagonal(S, axis1=2, axis2=3)
+        followed, asked = self.responses(controller, S, closed)
         figures = LoopFigures(
             command_margin=1 / largest_norms(S_c - 0.5 * np.eye(S_c.shape[-1])),
             position_margin=1 / largest_norms(S - 0.5 * np.eye(S.shape[-1])),
             loop_margins=1 / np.abs(own - 0.5).max(axis=1),
-            bandwidth=self._bandwidths(1 - own),
+            bandwidth=self._bandwidths(followed),
             command_bandwidth=self._bandwidths(asked),
             peak=largest_norms(S),
         )
@@ -158,6 +175,13 @@ class Loops(ReadOnly):
             np.array(controller.position, dtype=float, order="C"),
             np.array(controller.pressure, dtype=float, order="C"),
         )
+
+
+def in_order(omegas: Sequence[Array], values: Sequence[Array]) -> tuple[Array, Array]:
+    """Frequencies (n, f) and values there (n, f, …) of several grids as one, ascending."""
+    omega, joined = np.concatenate(omegas, axis=1), np.concatenate(values, axis=1)
+    order, each = np.argsort(omega, axis=1, kind="stable"), np.arange(len(omega))[:, None]
+    return omega[each, order], joined[each, order]
 
 
 class LoopFigures(NamedTuple):

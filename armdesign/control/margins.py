@@ -85,17 +85,21 @@ class Room(NamedTuple):
 
 def structured_norms(matrices: Array) -> Array:
     """μ(X) (n,) of matrices (n, m, m)."""
-    size = matrices.shape[-1]
-    squares = matrices.real**2 + matrices.imag**2
-    scale = np.ones(matrices.shape[:2])  # D²
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(_squared(balanced(matrices)))[:, -1]))
+
+
+def balanced(matrices: Array) -> Array:
+    """D X D⁻¹ of matrices (..., m, m)."""
+    size, squares = matrices.shape[-1], matrices.real**2 + matrices.imag**2
+    squares = np.ascontiguousarray(np.moveaxis(squares, (-2, -1), (0, 1)))
+    scale = np.ones(squares.shape[1:])  # D²
     for _ in range(SWEEPS if size > 1 else 0):
         for i in range(size):
-            row, column = squares[:, i] / scale, squares[:, :, i] * scale
-            row[:, i] = column[:, i] = TINY
-            scale[:, i] = np.sqrt(column.sum(axis=1) / row.sum(axis=1))  # row × d = column / d
-    d = np.sqrt(scale)
-    balanced = matrices * (d[:, :, None] / d[:, None])
-    return np.asarray(np.sqrt(np.linalg.eigvalsh(_squared(balanced))[:, -1]))
+            row, column = squares[i] / scale, squares[:, i] * scale
+            row[i] = column[i] = TINY
+            scale[i] = np.sqrt(column.sum(axis=0) / row.sum(axis=0))  # row × d = column / d
+    d = np.moveaxis(np.sqrt(scale), 0, -1)
+    return np.asarray(matrices * (d[..., :, None] / d[..., None, :]))
 
 
 def largest_norms(matrices: Array) -> Array:

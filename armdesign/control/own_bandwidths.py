@@ -1,10 +1,10 @@
 """Controllers of all rows of a bandwidth map; the rows with the lowest bandwidth searched longest.
 
 Gains of their own are searched at every pose from the common gains, then from what has been found
-there and at the poses next to it, on a grid of frequencies that has those at which the loops found
-ring. The row with the least bandwidth is then searched from ``STARTS`` starts about all these,
-until the lowest of the map is one that has been searched so ``SEARCHES`` times. It is still a
-lower bound, as any search finds.
+there and at the poses next to it, on a grid of frequencies that has those that decide for the
+loops found. The row with the least bandwidth is then searched from ``STARTS`` starts about all
+these, until the lowest of the map is one that has been searched so ``SEARCHES`` times. It is still
+a lower bound, as any search finds.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions, MapPart
 from armdesign.control.own_gains import OwnGains, neighbours
 from armdesign.control.position_gains import individual
-from armdesign.control.stability import stability
+from armdesign.control.refined_loops import refined
 from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
 PASSES = 1  # over all poses, from what those next to each have found
@@ -51,7 +50,7 @@ class Schemes:
         for _ in range(PASSES):
             x = _logarithms(task, own)
             starts = np.concatenate([x[:, None], x[near]], axis=1)
-            own = searched(_with_ringing(task, own), start, starts, LEADERS[0]).or_wider(own)
+            own = searched(_where_decided(task, own), start, starts, LEADERS[0]).or_wider(own)
         return cls(simple, alone, common, own.or_wider(alone), start, _logarithms(task, own))
 
 
@@ -80,7 +79,7 @@ def _raise_lowest(
         starts = np.resize(around, (STARTS, x.shape[1]))
         starts = starts + AROUND * random.standard_normal(starts.shape)
         again = searched(
-            _with_ringing(task, each.own[one]), start[[row]], starts[None], LEADERS[1]
+            _where_decided(task, each.own[one]), start[[row]], starts[None], LEADERS[1]
         )
         searches[row] += 1
         if again.figures.narrowest[0] > width[row]:
@@ -95,13 +94,12 @@ def searched(task: Task, within: Array, starts: Array, leaders: int = 1) -> Tune
     return safe(task, found.controller(task))
 
 
-def _with_ringing(task: Task, tuned: Tuned) -> Task:
-    """The task on a grid that has the frequencies at which loops ring that were found on another.
+def _where_decided(task: Task, tuned: Tuned) -> Task:
+    """The task on a grid with the frequencies that decide for loops found on another.
 
     A search goes where a grid has none.
     """
-    ringing = stability(task.plant, tuned.controller).ringing
-    return replace(task, loops=Loops.of(task.plant, more=ringing))
+    return replace(task, loops=refined(task.plant, task.loops, tuned.controller))
 
 
 def _logarithms(task: Task, tuned: Tuned) -> Array:

@@ -16,7 +16,7 @@ from armdesign.control.loop_sight import margins_hold
 from armdesign.control.loops import Loops
 from armdesign.control.tuning import CLOSE, Task, Tuned, safe
 
-NEAR = (0, 0, 7)  # frequencies about each mode alone: margins of so slow loops are missed there
+NEAR = (0, 0, 25)  # frequencies about each mode alone: margins of so slow loops are missed there
 ALONE = 1.05  # factor by which a loop is raised to see whether it can be
 
 

@@ -20,7 +20,8 @@ from armdesign.control.controller import CORNER, Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.loop_sight import margins_hold
 from armdesign.control.loops import FINE, LoopFigures, Loops
-from armdesign.control.stability import stability, stable
+from armdesign.control.refined_loops import refined
+from armdesign.control.stability import stable
 from armdesign.units import bar
 
 LOSS_FACTORS = (
@@ -86,6 +87,10 @@ class Task:
     def fine(self) -> Loops:
         """The loops on a fine grid."""
         return Loops.of(self.plant, FINE)
+
+    def figures(self, controller: Controller) -> LoopFigures:
+        """Figures of closed loops, exact between the frequencies of a fine grid too."""
+        return refined(self.plant, self.fine, controller).figures(controller)
 
     @property
     def shapes(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -219,7 +224,7 @@ def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
         best[better], chosen[better] = left[better], fed[better]
     ones, more = (np.ones(shape) for shape in task.shapes)
     controller = task.controller(ones * best[:, None], more * chosen[:, None])
-    return Tuned(controller, task.loops.figures(controller))
+    return Tuned(controller, task.figures(controller))
 
 
 def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
@@ -244,7 +249,7 @@ def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
 def safe(task: Task, controller: Controller, least: Controller | None = None) -> Tuned:
     """The controllers with gains reduced where need be, and figures of their loops."""
     kept = settled(task, controller, least)
-    return Tuned(kept, task.loops.figures(kept))
+    return Tuned(kept, task.figures(kept))
 
 
 def settled(task: Task, controller: Controller, least: Controller | None = None) -> Controller:
@@ -273,11 +278,12 @@ def _keeping(task: Task, controller: Controller, rows: Array) -> Array:
     if len(rows) == 0:
         return rows
     plant, own = task.plant[rows], controller[rows]
-    keeps, ringing = stability(plant, own)
-    if ringing.size:
-        there = Loops.at(plant, np.sort(ringing, axis=1))
-        keeps &= margins_hold(there, own, task.aim.margin, np.arange(len(rows)))
-    return rows[keeps]
+    keeps = stable(plant, own)
+    rows, plant, own = rows[keeps], plant[keeps], own[keeps]
+    if len(rows) == 0:
+        return rows
+    there = refined(plant, task.fine[rows], own, widths=False)
+    return rows[margins_hold(there, own, task.aim.margin, np.arange(len(rows)))]
 
 
 def _finer(task: Task, controller: Controller, least: Controller, share: Array) -> Array:

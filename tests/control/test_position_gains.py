@@ -48,7 +48,7 @@ def test_margins_hold_at_fifty_poses_and_no_gain_is_smaller_than_the_common_one(
 
 
 def test_hardly_a_loop_can_be_raised_further() -> None:
-    """By brute force at fifty poses: 7 % of the loops by a quarter, 5 % by half (measured).
+    """By brute force at fifty poses: 1 % of the loops by a quarter or half (measured).
 
     All raised together by 12 % keep the margin nowhere, nor does the slowest one alone.
     """
@@ -57,9 +57,9 @@ def test_hardly_a_loop_can_be_raised_further() -> None:
     own = individual(task, proportional(task)).controller.position
 
     def kept(factors: np.ndarray | float) -> np.ndarray:
-        return dense.figures(alone(own * factors)).margin >= 0.995 * AIM.margin
+        return dense.figures(alone(own * factors)).margin >= AIM.margin
 
-    for factor, most in ((1.25, 0.09), (1.5, 0.06)):
+    for factor, most in ((1.25, 0.03), (1.5, 0.02)):
         assert np.mean([kept(np.where(np.arange(3) == j, factor, 1.0)) for j in range(3)]) < most
     assert not kept(1.12).any()
     slowest = own == own.min(axis=1, keepdims=True)

@@ -1,0 +1,52 @@
+"""Figures of loops between the frequencies of a grid: against a grid a dozen times as fine."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import armdesign as ad
+from armdesign.control.bandwidth_map import SCHEMES
+from armdesign.control.controller import Controller
+from armdesign.control.loop_plant import loop_plant
+from armdesign.control.loops import Loops
+from armdesign.control.map_parts import ControlOptions
+
+MARGIN = ControlOptions().aim.margin
+DENSE = (60, 1500, 81)
+
+
+def gains_of(bandwidths: ad.BandwidthMap, scheme: str) -> Controller:
+    """The controllers of all rows of a map."""
+    machine, gains = bandwidths.machine, bandwidths.gains
+    position = [f"{scheme}_{joint}_gain_per_s" for joint in machine.joints]
+    pressure = [f"{scheme}_{one.name}_pressure_gain_m_per_s_bar" for one in machine.actuators]
+    return Controller(
+        position=gains[position].to_numpy(),
+        pressure=gains[pressure].to_numpy(),
+        corner=gains["corner_rad_per_s"].to_numpy(),
+    )
+
+
+@pytest.mark.parametrize(("name", "points"), [("paper_1dof", 30), ("mini_excavator_2t", 3)])
+def test_no_figure_is_better_than_on_a_dense_grid(name: str, points: int) -> None:
+    """Bandwidths were up to twice, where a response dips below −3 dB, margins 12 % too large.
+
+    And the margin that is asked for is kept; 2 % of it was missing.
+    """
+    machine = ad.load(name)
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, points), damping=0.02)
+    frame, loaded = bandwidths.frame, machine.with_payload(machine.payloads[-1].name)
+    rows = np.flatnonzero(frame["works"] & (frame["payload"] == loaded.payload.name))
+    dense = Loops.of(loop_plant(loaded, loaded.at(bandwidths.q[rows]), 0.02), DENSE)
+    for scheme in SCHEMES:
+        figures, stated = dense.figures(gains_of(bandwidths, scheme)[rows]), frame.iloc[rows]
+        widths = figures.narrowest / (2 * math.pi)
+        assert (stated[f"{scheme}_hz"] <= 1.002 * widths).all()
+        commands = figures.command_bandwidth.min(axis=1) / (2 * math.pi)
+        assert (stated[f"{scheme}_command_hz"] <= 1.002 * commands).all()
+        assert (stated[f"{scheme}_margin"] <= 1.002 * figures.margin).all()
+        assert (stated[f"{scheme}_peak"] >= figures.peak / 1.002).all()
+        assert (figures.margin >= 0.999 * MARGIN).all()
