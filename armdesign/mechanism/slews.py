@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array, ReadOnly
+from armdesign.arrays import Array, ReadOnly, read_only
 from armdesign.mechanism.jets import cross
 from armdesign.mechanism.urdf import Joint
 
@@ -46,6 +46,7 @@ class Slews(ReadOnly):
         return signs
 
     @cached_property
+    @read_only
     def foot(self) -> Array:
         """Where the axis next to the root meets the ground (2,) [m]; the root without slews."""
         for index, axis in self.axes.items():
