@@ -77,11 +77,10 @@ def test_loops_of_own_gains_by_python_control(loop: int) -> None:
 
 @pytest.mark.slow
 def test_the_worst_pose_is_that_of_differential_evolution() -> None:
-    """34 000 evaluations of each of two runs find no more than 25 % beyond the worst of a map.
+    """34 000 evaluations on a fine grid find no 5 % more than the worst of a map has: 0.331 Hz.
 
-    No 5 % on one kind of processor. On another, whose last bits lead the searches elsewhere,
-    0.455 Hz where the map has 0.365 Hz: a bandwidth leaps where a resonance touches −3 dB, there
-    to 0.343 Hz when gains fall by a hundredth (``docs/limits.md``).
+    A bandwidth leaps where a resonance touches −3 dB: on a grid with gaps there, evolution finds
+    what those hide.
     """
     machine = ad.load("excavator_20t")
     workspace = ad.Workspace.grid(machine, points=6)
@@ -89,7 +88,7 @@ def test_the_worst_pose_is_that_of_differential_evolution() -> None:
     worst = bandwidths.worst()
     loaded = machine.with_payload(worst["payload"])
     plant = loop_plant(loaded, loaded.at([worst[list(machine.joints)].astype(float)]), 0.02)
-    task = Task(plant, Loops.of(plant), AIM)
+    task = Task(plant, Loops.of(plant, DENSE), AIM)
 
     def cost(x: np.ndarray) -> float:
         controller = task.controller(np.exp(x[None, :3]), np.exp(x[None, 3:]))
@@ -100,12 +99,11 @@ def test_the_worst_pose_is_that_of_differential_evolution() -> None:
         return float(-widths.min() - 0.05 * widths.mean() + 20 * missing + 10 * unstable)
 
     limits = [(math.log(0.01), math.log(1.5))] * 3 + [(math.log(0.01), math.log(3.0))] * 3
-    for seed in (0, 1):
-        x = differential_evolution(
-            cost, limits, maxiter=66, popsize=50, rng=seed, polish=False, tol=0, init="sobol"
-        ).x
-        theirs = safe(task, task.controller(np.exp(x[None, :3]), np.exp(x[None, 3:])))
-        assert 1.25 * worst["own_hz"] > theirs.figures.narrowest[0] / (2 * math.pi)
+    x = differential_evolution(
+        cost, limits, maxiter=66, popsize=50, rng=0, polish=False, tol=0, init="sobol"
+    ).x
+    theirs = safe(task, task.controller(np.exp(x[None, :3]), np.exp(x[None, 3:])))
+    assert 1.05 * worst["own_hz"] > theirs.figures.narrowest[0] / (2 * math.pi)
 
 
 @pytest.mark.slow
