@@ -55,23 +55,24 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
     ``design`` is told whether any will do: under what is granted, where none is asked for.
     What is refused again under what a refusal grants joins it, until there is a design, or a
     machine was drawn on the way to the refusal. A machine with sizes of a ``catalogue`` is no
-    proof that a search, which may choose others, comes to one.
+    proof that a search, which may choose others, comes to one: that is then run in full.
 
     Raises:
         InfeasibleError: of ``design``, with amounts that are enough in the same setting.
     """
-    requirements, settled = problem.requirements, False
+    requirements, settled, drawn = problem.requirements, False, False
     refusals: list[InfeasibleError] = []
     while len(refusals) < GRANTS:
         try:
-            answer = design(problem.under(requirements), bool(refusals))
+            answer = design(problem.under(requirements), bool(refusals) and not drawn)
         except InfeasibleError as refusal:
             refusals.append(refusal)
             granted = requirements.granting(refusal.conflict)
             if granted == requirements:  # nothing that a file could state helps
                 break
             requirements = granted
-            if refusal.drawn and not catalogue:
+            drawn = refusal.drawn
+            if drawn and not catalogue:
                 settled = True
                 break
         else:
