@@ -15,7 +15,7 @@ from armdesign.option_values import within
 from armdesign.units import SI, WORKSHOP, Units
 
 STARTS, WORKERS = (within(f"--{name}", 1, MOST[name]) for name in ("starts", "workers"))
-UP_TO = [f"1 to {MOST[name]}" for name in ("starts", "workers")]
+SOME_STARTS, SOME_WORKERS = (f"1 to {MOST[name]}" for name in ("starts", "workers"))
 
 
 class Habit(StrEnum):
@@ -114,7 +114,7 @@ StartsOption = Annotated[
     typer.Option(
         "--starts",
         callback=STARTS,
-        help=f"Starts of the search, {UP_TO[0]}; default: 3, or 4 where four-bars move.",
+        help=f"Starts of the search, {SOME_STARTS}; default: 3, or 4 where four-bars move.",
     ),
 ]
 StartsOfSetsOption = Annotated[
@@ -122,7 +122,7 @@ StartsOfSetsOption = Annotated[
     typer.Option(
         "--starts",
         callback=STARTS,
-        help=f"Starts of each set of pins, {UP_TO[0]}: today's, the best of one pin less,"
+        help=f"Starts of each set of pins, {SOME_STARTS}: today's, the best of one pin less,"
         " then drawn ones; default: the first two.",
     ),
 ]
@@ -131,12 +131,12 @@ WorkersOption = Annotated[
     typer.Option(
         "--workers",
         callback=WORKERS,
-        help=f"Processes, {UP_TO[1]}, that share the starts, and the poses of simulations;"
+        help=f"Processes, {SOME_WORKERS}, that share the starts, and the poses of simulations;"
         " default: 1, for pareto and steps each core.",
     ),
 ]
 PosesWorkersOption = Annotated[
-    int, typer.Option("--workers", callback=WORKERS, help=f"Processes for poses, {UP_TO[1]}.")
+    int, typer.Option("--workers", callback=WORKERS, help=f"Processes for poses, {SOME_WORKERS}.")
 ]
 PointsOption = Annotated[
     str,
@@ -423,7 +423,7 @@ ProcessesOption = Annotated[
     typer.Option(
         "--workers",
         callback=WORKERS,
-        help=f"Processes, {UP_TO[1]}; default: one per processor.",
+        help=f"Processes, {SOME_WORKERS}; default: one per processor.",
         show_default=False,
     ),
 ]

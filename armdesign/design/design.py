@@ -256,7 +256,9 @@ class Design(ReadOnly):
     def gain(self) -> float:
         """Relative gain in the worst frequency with the file's values; inf over 0 Hz."""
         before, after = self.before.worst.frequency, self.after.worst.frequency
-        return after / before - 1 if before > 0 else math.inf if after > 0 else 0.0
+        if before > 0:
+            return after / before - 1
+        return math.inf if after > 0 else 0.0
 
     @property
     def least_gain(self) -> float:

@@ -152,11 +152,12 @@ class Inspection:
         One across several joints ends their motion itself where they would take it further.
         """
         machine, stroke = self.machine, self.machine.cylinders[cylinder].stroke
-        poses, linkage = self.poses_of(cylinder), machine.linkages[cylinder]
+        linkage, closed = machine.linkages[cylinder], machine.cylinders[cylinder].closed_length
         if len(linkage.joints) > 1:
             others = (k for k in range(len(machine.cylinders)) if k != cylinder)
             poses = self._poses_of_all(others)
-        closed = machine.cylinders[cylinder].closed_length
+        else:
+            poses = self.poses_of(cylinder)
         return float(np.ptp(np.clip(linkage.length(poses), closed, closed + stroke)) / stroke)
 
     def share_held(self, payload: str) -> float:

@@ -27,7 +27,7 @@ from armdesign.machine.reaching import lattice, place_and_slopes, poses_reaching
 from armdesign.machine.tipping import tipping_masses
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
-from armdesign.mechanism.slews import UPRIGHT
+from armdesign.mechanism.slews import is_upright
 from armdesign.short_repr import short_repr
 from armdesign.units import mm
 
@@ -297,14 +297,10 @@ def _raising(machine: Machine, point: Pin) -> tuple[int, ...]:
 def _usual(machine: Machine, raising: tuple[int, ...]) -> tuple[int, ...]:
     """Of joints that raise a point those that do not slew, or all where there are no others.
 
-    A joint slews whose axis is nearer to the vertical than to the horizontal, as on a base that
-    is not level.
+    A joint slews about an upright axis, as on a base that is not level.
     """
     axes = machine.arm.kinematics(machine.ranges.mean(axis=1)[None]).axis[0]
-    joints = machine.arm.joints
-    return tuple(j for j in raising if not (joints[j].revolute and abs(axes[j, 2]) > UPRIGHT)) or (
-        raising
-    )
+    return tuple(j for j in raising if not is_upright(machine.arm.joints[j], axes[j])) or raising
 
 
 def _round_steps(machine: Machine) -> tuple[float, ...]:

@@ -49,15 +49,17 @@ class Slews(ReadOnly):
     @read_only
     def foot(self) -> Array:
         """Where the axis next to the root meets the ground (2,) [m]; the root without slews."""
-        for index, axis in self.axes.items():
-            at = self.places[index]
-            return np.asarray((at - at[2] / axis[2] * axis)[:2])
-        return np.zeros(2)
+        if not self.axes:
+            return np.zeros(2)
+        first, axis = next(iter(self.axes.items()))
+        at = self.places[first]
+        return np.asarray((at - at[2] / axis[2] * axis)[:2])
 
     def heading(self, z: Array) -> Array:
         """Horizontal direction (n, 2) to which they turn the root's x axis, at all coordinates."""
         forward = np.array([1.0, 0.0, 0.0])
-        for first in list(self.axes.values())[:1]:
+        if self.axes:
+            first = next(iter(self.axes.values()))
             forward = forward - first[0] * first
         turned = np.broadcast_to(forward, (len(z), 3))
         for index, axis in reversed(list(self.axes.items())):
@@ -66,6 +68,11 @@ class Slews(ReadOnly):
             across = turned - along
             turned = along + np.cos(angle) * across + np.sin(angle) * cross(axis[None], across)
         return np.asarray(turned[:, :2] / np.linalg.norm(turned[:, :2], axis=1, keepdims=True))
+
+
+def is_upright(joint: Joint, axis: Array) -> bool:
+    """Whether a joint turns about an axis (3,) nearer to the vertical than to the horizontal."""
+    return joint.revolute and abs(float(axis[2])) > UPRIGHT
 
 
 def slews_of(
@@ -77,6 +84,6 @@ def slews_of(
         joint = coordinates[index]
         siblings = sum(other.parent == joint.parent for other in coordinates)
         carries_all = joint.parent in (-1, *found) and siblings == 1
-        if joint.revolute and carries_all and abs(float(axes[index, 2])) > UPRIGHT:
+        if carries_all and is_upright(joint, axes[index]):
             found.append(index)
     return Slews(axes={j: axes[j] for j in found}, places={j: places[j] for j in found})

@@ -10,7 +10,7 @@ import numpy as np
 from armdesign.report.bands import bands_sheet, is_assumed
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.loads import loads_sheet
-from armdesign.report.maps import LOWEST, between_poses, hertz, spread_sheet, too_few_poses
+from armdesign.report.maps import LOWEST, between_poses, in_hertz, spread_sheet, too_few_poses
 from armdesign.report.performance import performance_sheet
 from armdesign.report.sheet import Sheet, dimensions, limiting_note, worst_pose_text
 from armdesign.units import WORKSHOP, Units, percent, share_text
@@ -43,7 +43,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     before, after = design.before.worst, design.after.worst
     pair = (("today", design.today, before), ("new", design.machine, after))
     rows = [
-        (label, hertz(worst.frequency), worst.cylinder, worst_pose_text(machine, worst, units))
+        (label, in_hertz(worst.frequency), worst.cylinder, worst_pose_text(machine, worst, units))
         for label, machine, worst in pair
     ]
     own = design.worst_in_own_workspace.frequency
@@ -56,7 +56,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
     }
     notes = [
         *filter(None, [between, too_few_poses(design.before, design.after)]),
-        f"in its own workspace the new machine's worst is {hertz(own)}",
+        f"in its own workspace the new machine's worst is {in_hertz(own)}",
         f"{made_for[design.made_for]}before rounding {_reached(design, design.unrounded)}",
         *filter(None, [limiting_note(design.machine, after.cylinder)]),
     ]
@@ -300,8 +300,8 @@ def summary(design: Design) -> str:
         limiting += f"; {stuck}"
     gain = f" ({percent(design.gain)})" if before.frequency > 0 else ""
     return (
-        f"The worst natural frequency in the workspace goes from {hertz(before.frequency)} to"
-        f" {hertz(after.frequency)}{gain} with the same joint ranges, oil and thrust limits;"
+        f"The worst natural frequency in the workspace goes from {in_hertz(before.frequency)} to"
+        f" {in_hertz(after.frequency)}{gain} with the same joint ranges, oil and thrust limits;"
         f" {_torques(design)}{_lift(design)}{limiting}.{_throughout(design)}"
     )
 

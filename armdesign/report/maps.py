@@ -24,7 +24,7 @@ UNSTABLE = (
 )
 
 
-def hertz(frequency: float) -> str:
+def in_hertz(frequency: float) -> str:
     """A worst frequency, or that there is none: the pose is unstable."""
     return f"{frequency:.3f} Hz{' (unstable)' if frequency == 0 else ''}"
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from armdesign.report.maps import hertz
+from armdesign.report.maps import in_hertz
 from armdesign.report.sheet import Sheet
 from armdesign.units import WORKSHOP, Units, percent
 
@@ -31,7 +31,7 @@ def pareto_sheet(front: Pareto, units: Units = WORKSHOP) -> Sheet:
     banded = ("banded_hz", "least_gain") if front.robust else ()
     shown = ("frequency_hz", "gain", *banded, *names, "squared_times_speed")
     texts: dict[str, Callable[[float], str]] = {"gain": percent, "least_gain": percent}
-    texts |= {"frequency_hz": hertz, "banded_hz": hertz, "squared_times_speed": _ratio}
+    texts |= {"frequency_hz": in_hertz, "banded_hz": in_hertz, "squared_times_speed": _ratio}
     first = front.designs[0]
     known = {"frequency_hz": first.before.worst.frequency}
     if front.robust:
@@ -63,12 +63,12 @@ def _ratio(value: float) -> str:
 def steps_sheet(answer: Steps) -> Sheet:
     """The best design for each number of pins that move."""
     today, first = answer.today, answer.steps[0].design
-    rows = [("today", hertz(first.before.worst.frequency), *5 * ("",))]
+    rows = [("today", in_hertz(first.before.worst.frequency), *5 * ("",))]
     for step in answer.steps:
         rows.append(
             (
                 str(len(step.pins)),
-                hertz(step.design.after.worst.frequency),
+                in_hertz(step.design.after.worst.frequency),
                 percent(step.gain),
                 "" if math.isnan(step.design.lift_share) else f"{step.design.lift_share:.2f}",
                 ", ".join(step.changed),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -257,20 +257,31 @@ def test_what_conflicts_still_after_all_grants_is_named() -> None:
     assert len(looked_at) == GRANTS
 
 
-def test_digging_that_counts_only_under_less_torque_joins_a_conflict() -> None:
-    """Digging says nothing until the torque gives way: its refusal ended in a KeyError before."""
-    settings: dict[str, Any] = {"torque_share": 0.99, "digging_share": 0.97, "digging": ("lift",)}
-    problem = problem_of("single", ("areas",), **settings)
-    machine, space = problem.machine, problem.workspace
-    wanted = [("torque.extending.lift", 0.9), ("digging.lift", 0.91)]
+def refused_in_turn(
+    asked: Sequence[tuple[str, float]], amount: float, drawn: bool = False
+) -> Callable[[Problem, bool], str]:
+    """A search that is refused for each of some requirements, which ask for a value, then ends."""
+    wanted = list(asked)
 
     def design(problem: Problem, any_will_do: bool) -> str:
+        machine, space = problem.machine, problem.workspace
         checks = {c.name: c for c in check(machine, machine, space, problem.requirements)}
         if not wanted:
             return "a design"
         name, value = wanted.pop(0)
-        one = Concession(**checks[name].identity, together=0.05, alone=None, value=value)
-        raise conflict_error("odd", [one])
+        one = Concession(**checks[name].identity, together=amount, alone=None, value=value)
+        refusal = conflict_error("odd", [one])
+        refusal.drawn = drawn
+        raise refusal
+
+    return design
+
+
+def test_digging_that_counts_only_under_less_torque_joins_a_conflict() -> None:
+    """Digging says nothing until the torque gives way: its refusal ended in a KeyError before."""
+    settings: dict[str, Any] = {"torque_share": 0.99, "digging_share": 0.97, "digging": ("lift",)}
+    problem = problem_of("single", ("areas",), **settings)
+    design = refused_in_turn([("torque.extending.lift", 0.9), ("digging.lift", 0.91)], 0.05)
 
     with pytest.raises(InfeasibleError) as error:
         design_or_proof(problem, design, catalogue=False)
@@ -381,18 +392,7 @@ def test_what_a_search_of_a_catalogue_refuses_again_is_asked_for_at_once(
     for: "which is enough" stood there, and granted it was refused.
     """
     problem = problem_of("single", ("areas",))
-    machine, space = problem.machine, problem.workspace
-    wanted = [("thrust.lift", 1.2), ("buckling.lift", 0.9)]
-
-    def design(problem: Problem, any_will_do: bool) -> str:
-        checks = {c.name: c for c in check(machine, machine, space, problem.requirements)}
-        if not wanted:
-            return "a design"
-        name, value = wanted.pop(0)
-        one = Concession(**checks[name].identity, together=0.1, alone=None, value=value)
-        refusal = conflict_error("odd", [one])
-        refusal.drawn = True
-        raise refusal
+    design = refused_in_turn([("thrust.lift", 1.2), ("buckling.lift", 0.9)], 0.1, drawn=True)
 
     with pytest.raises(InfeasibleError) as error:
         design_or_proof(problem, design, catalogue=catalogue)
