@@ -23,6 +23,7 @@ from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
 PASSES = 1  # over all poses, from what those next to each have found
 SEARCHES, STARTS = 2, 128  # of the lowest row, and the starts of each
+ROUNDS = 1  # of halving where loops found decide, enough to lead a search
 LEADERS = 2, 16  # of the starts of all rows, and of the lowest row, that are followed to the end
 AROUND = 0.8  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
@@ -99,7 +100,7 @@ def _where_decided(task: Task, tuned: Tuned) -> Task:
 
     A search goes where a grid has none.
     """
-    return replace(task, loops=refined(task.plant, task.loops, tuned.controller))
+    return replace(task, loops=refined(task.plant, task.loops, tuned.controller, rounds=ROUNDS))
 
 
 def _logarithms(task: Task, tuned: Tuned) -> Array:

@@ -23,7 +23,12 @@ ROUNDS = 3  # of halving
 
 
 def refined(
-    plant: LoopPlant, loops: Loops, controller: Controller, *, widths: bool = True
+    plant: LoopPlant,
+    loops: Loops,
+    controller: Controller,
+    *,
+    widths: bool = True,
+    rounds: int = ROUNDS,
 ) -> Loops:
     """The loops with further frequencies where figures of their controllers are decided.
 
@@ -32,14 +37,15 @@ def refined(
         loops: of them, on any grid.
         controller: of them.
         widths: whether bandwidths are wanted, beside margins.
+        rounds: of halving.
     """
     added = [Loops.at(plant, stability(plant, controller).ringing)]
     omega, values = loops.omega, _values(loops, controller, widths)
-    for _ in range(ROUNDS + 1):
+    for _ in range(rounds + 1):
         last = added[-1]
         more = _values(last, controller, widths)
         omega, values = in_order([omega, last.omega], [values, more])
-        if len(added) <= ROUNDS:
+        if len(added) <= rounds:
             added.append(Loops.at(plant, _middles(omega, values)))
     return loops.joined(added)
 
@@ -63,10 +69,13 @@ def _middles(omega: Array, values: Array) -> Array:
         parts.append(first - 1)
         before = (np.arange(omega.shape[1]) < first) | (first == 0)
         parts.append(_beside(np.where(before, response, -np.inf), DIPS))
-    gaps = np.sort(np.concatenate(parts, axis=1).clip(0, omega.shape[1] - 2), axis=1)
-    twice = np.diff(gaps, axis=1, prepend=-1) == 0
+    wanted = np.zeros(omega.shape, dtype=bool)
+    gaps = np.concatenate(parts, axis=1).clip(0, omega.shape[1] - 2)
+    np.put_along_axis(wanted, gaps, True, axis=1)
+    most = wanted.sum(axis=1).max()  # of each pose as many, with others where it has fewer
+    gaps = np.argsort(~wanted[:, :-1], axis=1, kind="stable")[:, :most]
     left, right = (np.take_along_axis(omega, gaps + side, axis=1) for side in (0, 1))
-    return np.where(twice, omega[:, -1:], np.sqrt(left * right))
+    return np.asarray(np.sqrt(left * right))
 
 
 def _beside(values: Array, count: int) -> Array:

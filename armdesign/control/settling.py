@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from armdesign.arrays import Array
@@ -12,7 +10,7 @@ from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.loops import Loops
 
 WITHIN = 0.02  # of the step
-NOTABLE = 0.01  # residue, in the step, of a pole that counts
+NOTABLE = 0.01  # residue, in the step, of a pole that shows
 SLOW = 0.05  # s over the smallest K
 SLOW_POLE = 0.2  # damping ratio: a pole that shows and is damped less peaks in |T| above
 ALIKE = 6.0  # rad: delays that differ by less take as many states
@@ -24,9 +22,9 @@ def settling_time(plant: LoopPlant, controller: Controller) -> Array:
     """Settling time (n,) [s] after which a step of any joint is within 2 %; inf if unstable.
 
     A pole λ shows with its residue C v w B/λ, v and w its right and left eigenvectors, and one of
-    a pair with twice that; from no more than the step it decays. What all of them leave, each at
-    its largest, is within 2 %. Pressures that creep apart of themselves, to the right, do not
-    count.
+    a pair with twice that. What all of them leave, each at its largest, is within 2 %: an upper
+    bound. Pressures that creep apart of themselves, to the right, do not count, nor does what
+    grows but hardly shows.
     """
     if not plant.delay:
         return _settling_time(plant, controller, None)
@@ -49,9 +47,10 @@ def _settling_time(plant: LoopPlant, controller: Controller, turns: float | None
     residues = (C @ right)[:, :, :] * np.swapaxes(left, 1, 2)  # (n, nq, m): own response
     shown = np.abs(residues / np.where(counts, poles, 1.0)[:, None])  # (n, nq, m)
     counts &= (poles.real < 0) | (poles.real > plant.fastest_creep[:, None])
-    shown = np.where(counts[:, None] & (shown > NOTABLE), shown, 0.0)
-    begins = np.minimum(np.where(poles.imag == 0, 1.0, 2.0)[:, None] * shown, 1.0)
-    unstable = (begins.any(axis=1) & (poles.real >= 0)).any(axis=1)
+    grows = counts & (poles.real >= 0)
+    unstable = (grows[:, None] & (shown > NOTABLE)).any(axis=(1, 2))
+    begins = np.where(poles.imag == 0, 1.0, 2.0)[:, None] * shown
+    begins *= (counts & ~grows)[:, None]
     return np.where(unstable, np.inf, _within(begins, np.maximum(-poles.real, 0.0)))
 
 
@@ -62,9 +61,9 @@ def _within(begins: Array, decay: Array) -> Array:
         begins: of each joint and pole (n, nq, m).
         decay: of the poles (n, m) [1/s].
     """
-    slowest = np.where(begins.any(axis=1), decay, np.inf).min(axis=1)
-    low = np.zeros(len(decay))
-    high = math.log(max(begins.shape[2], 1) / WITHIN) / np.where(slowest > 0, slowest, np.inf)
+    low, shares = np.zeros(len(decay)), np.maximum(begins * begins.shape[2] / WITHIN, 1.0)
+    slow = np.where(decay > 0, decay, np.inf)[:, None]
+    high = (np.log(shares) / slow).max(axis=(1, 2))  # each leaves its share of the 2 % at most
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         left = (begins * np.exp(-decay * middle[:, None])[:, None]).sum(axis=2).max(axis=1)

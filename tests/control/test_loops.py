@@ -125,12 +125,15 @@ def test_settling_of_python_control() -> None:
     step = control.step_response(system, time, input=0, output=0)
     outside = np.abs(np.ravel(step.outputs) - 1) > 0.02
     last = time[np.flatnonzero(outside)[-1]]
-    assert last <= settling_time(plant, controller)[0] * 1.2
+    assert last <= settling_time(plant, controller)[0] < 1.5 * last
 
 
 @pytest.mark.parametrize("tuned", [proportional, damped])
-def test_poles_that_hardly_show_do_not_delay_settling(tuned: Callable[[Task], Tuned]) -> None:
-    """Leakage turns chambers with air slowly, by 1 to 3 % of a step: python-control's settles."""
+def test_settling_with_poles_that_hardly_show(tuned: Callable[[Task], Tuned]) -> None:
+    """Leakage turns chambers with air slowly, by 1 to 3 % of a step: python-control's settles.
+
+    It does so no later than is said, though none of these poles alone delays it.
+    """
     changes = {
         "fluid.entrained_air_percent": 0.5,
         "cylinder.lift.valve.leakage_l_per_min_per_bar": 0.001,
@@ -143,7 +146,7 @@ def test_poles_that_hardly_show_do_not_delay_settling(tuned: Callable[[Task], Tu
         time = np.linspace(0, 2 * said, 4001)
         step = control.step_response(control.ss(A[pose], B[pose], C, 0), time).outputs
         last = time[np.flatnonzero(np.abs(np.ravel(step) - 1) > 0.02)[-1]]
-        assert 0.95 * last < said < 1.5 * last
+        assert last < said < 1.5 * last
 
 
 def test_ramps_lag_by_speed_over_gain() -> None:
