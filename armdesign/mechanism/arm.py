@@ -133,7 +133,7 @@ class Arm:
     @cached_property
     def movable_joints(self) -> list[str]:
         """Names of the joints that are coordinates or could be."""
-        frozen = dict.fromkeys(name for link in self.links.values() for name in link.frozen)
+        frozen = dict.fromkeys(one.name for link in self.links.values() for one in link.frozen)
         return [*(joint.name for joint in self.coordinates), *frozen]
 
     def carried(self, coordinate: int) -> str:
@@ -142,7 +142,7 @@ class Arm:
 
     def frozen_between(self, links: Iterable[str]) -> set[str]:
         """Names of the joints between some links that could move but do not."""
-        frozen = [set(self.links[link].frozen) for link in links]
+        frozen = [{one.name for one in self.links[link].frozen} for link in links]
         return frozen[0].union(*frozen) - frozen[0].intersection(*frozen)
 
     @cached_property
@@ -185,7 +185,9 @@ class Arm:
     def slews(self) -> Slews:
         """Joints that turn the whole arm about an upright axis."""
         zero = self.kinematics(np.zeros((1, len(self.joints))))
-        return slews_of(self.coordinates, self.outwards, zero.axis[0], zero.translation[0])
+        frozen = [link.frozen for link in self.links.values() if link.joint >= 0]
+        axes, places = zero.axis[0], zero.translation[0]
+        return slews_of(self.coordinates, self.outwards, axes, places, frozen)
 
     @property
     def slewing(self) -> dict[int, float]:

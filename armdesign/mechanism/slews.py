@@ -10,27 +10,30 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import takewhile
 
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly, read_only
 from armdesign.mechanism.jets import cross
-from armdesign.mechanism.urdf import Joint
+from armdesign.mechanism.urdf import Frozen, Joint, rotations
 
 UPRIGHT = math.sqrt(0.5)  # of a unit vector's height, nearer to the vertical than the horizontal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Slews(ReadOnly):
-    """The slews of an arm by their coordinate, from the root out, while all stand at 0.
+    """The slews of an arm, while all that move stand at 0.
 
     Attributes:
-        axes: direction of each (3,).
-        places: a point of each axis (3,) [m].
+        axes: by the coordinate of those that move, from the root out, their direction (3,).
+        places: a point of each of these axes (3,) [m].
+        frozen: those that do not move, from the root out; they carry the others.
     """
 
     axes: Mapping[int, Array]
     places: Mapping[int, Array]
+    frozen: tuple[Frozen, ...] = ()
 
     def __contains__(self, coordinate: int) -> bool:
         return coordinate in self.axes
@@ -49,18 +52,20 @@ class Slews(ReadOnly):
     @read_only
     def foot(self) -> Array:
         """Where the axis next to the root meets the ground (2,) [m]; the root without slews."""
-        if not self.axes:
+        axes = [(one.axis, one.place) for one in self.frozen]
+        axes += [(axis, self.places[index]) for index, axis in self.axes.items()]
+        if not axes:
             return np.zeros(2)
-        first, axis = next(iter(self.axes.items()))
-        at = self.places[first]
+        axis, at = axes[0]
         return np.asarray((at - at[2] / axis[2] * axis)[:2])
 
     def heading(self, z: Array) -> Array:
         """Horizontal direction (n, 2) to which they turn the root's x axis, at all coordinates."""
         forward = np.array([1.0, 0.0, 0.0])
-        if self.axes:
-            first = next(iter(self.axes.values()))
-            forward = forward - first[0] * first
+        for axis in [*(one.axis for one in self.frozen), *self.axes.values()][:1]:
+            forward = forward - axis[0] * axis
+        for one in self.frozen:
+            forward = rotations(one.axis, np.array([one.at]))[0] @ forward
         turned = np.broadcast_to(forward, (len(z), 3))
         for index, axis in reversed(list(self.axes.items())):
             angle = z[:, index, None]
@@ -70,15 +75,30 @@ class Slews(ReadOnly):
         return np.asarray(turned[:, :2] / np.linalg.norm(turned[:, :2], axis=1, keepdims=True))
 
 
-def is_upright(joint: Joint, axis: Array) -> bool:
+def is_upright(joint: Joint | Frozen, axis: Array) -> bool:
     """Whether a joint turns about an axis (3,) nearer to the vertical than to the horizontal."""
     return joint.revolute and abs(float(axis[2])) > UPRIGHT
 
 
 def slews_of(
-    coordinates: Sequence[Joint], outwards: Sequence[int], axes: Array, places: Array
+    coordinates: Sequence[Joint],
+    outwards: Sequence[int],
+    axes: Array,
+    places: Array,
+    frozen: Sequence[Sequence[Frozen]],
 ) -> Slews:
-    """The slews among an arm's coordinates, whose axes and places are (k, 3) at 0."""
+    """The slews of an arm.
+
+    Args:
+        coordinates: joints that move (k).
+        outwards: these from the root out.
+        axes: theirs (k, 3), at 0.
+        places: of points of these (k, 3) [m].
+        frozen: joints that do not move, between the root and each moving link, from the root out.
+    """
+    names = set[str].intersection(*({one.name for one in each} for each in frozen))
+    carrying = [one for one in frozen[0] if one.name in names]
+    standing = tuple(takewhile(lambda one: is_upright(one, one.axis), carrying))
     found: list[int] = []
     for index in outwards:
         joint = coordinates[index]
@@ -86,4 +106,5 @@ def slews_of(
         carries_all = joint.parent in (-1, *found) and siblings == 1
         if carries_all and is_upright(joint, axes[index]):
             found.append(index)
-    return Slews(axes={j: axes[j] for j in found}, places={j: places[j] for j in found})
+    by_axis, by_place = ({j: of[j] for j in found} for of in (axes, places))
+    return Slews(axes=by_axis, places=by_place, frozen=standing)

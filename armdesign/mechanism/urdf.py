@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,6 +61,17 @@ class Joint(ReadOnly):
 
 
 @dataclass(frozen=True)
+class Frozen(ReadOnly):
+    """A joint that could move but does not, in the frame of the joint that carries it."""
+
+    name: str
+    revolute: bool  # else prismatic
+    at: float  # [rad] or [m]
+    axis: Array  # (3,) unit vector
+    place: Array = field(default_factory=lambda: np.zeros(3))  # a point of its axis [m]
+
+
+@dataclass(frozen=True)
 class Link(ReadOnly):
     """A link: the joint that carries it, and its frame in the frame of that joint."""
 
@@ -68,7 +79,7 @@ class Link(ReadOnly):
     joint: int  # −1: the root
     rotation: Array  # (3, 3)
     translation: Array  # (3,) [m]
-    frozen: tuple[str, ...] = ()  # joints between root and link that could move but do not
+    frozen: tuple[Frozen, ...] = ()  # between root and link, from the root out
 
 
 def read_urdf(
@@ -96,11 +107,13 @@ def read_urdf(
     for fault in () if checked else faults_of(robot, joints, frozen, source, springs):
         raise fault
     joints = [*joints, *(spring.joint for spring in springs)]
-    standing = [name for name in movable_joints(robot) if name not in joints]
+    movable, standing = set(movable_joints(robot)).difference(joints), dict[str, Frozen]()
     for joint in robot.findall("joint"):
         name = str(joint.get("name"))
-        if name in standing:
-            _fix(joint, frozen.get(name, 0.0))
+        if name in movable:
+            revolute, at = joint.get("type") != "prismatic", frozen.get(name, 0.0)
+            standing[name] = Frozen(name, revolute, at, _axis(joint))
+            _fix(joint, at)
         elif joint.get("type") == "continuous":
             _give_one_turn(joint)
     _write_plainly(robot)
@@ -209,7 +222,7 @@ def attribute(values: Iterable[float]) -> str:
 
 
 def _tree(
-    robot: ET.Element, joints: list[str], standing: list[str]
+    robot: ET.Element, joints: list[str], standing: Mapping[str, Frozen]
 ) -> tuple[tuple[Joint, ...], dict[str, Link]]:
     """The moving joints in the order of q, and every link, on a walk from the root outwards."""
     names = [str(link.get("name")) for link in robot.findall("link")]
@@ -230,13 +243,15 @@ def _tree(
             rotation, translation = origin(element)
             translation = before.translation + before.rotation @ translation
             rotation = before.rotation @ rotation
-            name, index = str(element.get("name")), before.joint
+            name, index, frozen = str(element.get("name")), before.joint, before.frozen
+            if name in standing:
+                axis = rotation @ standing[name].axis
+                frozen = (*frozen, replace(standing[name], axis=axis, place=translation))
             if element.get("type") != "fixed":
                 frame = (rotation, translation, _axis(element))
                 revolute = element.get("type") == "revolute"
                 moving[name] = Joint(name, revolute, index, *frame, *_bounds(element))
                 index, rotation, translation = joints.index(name), np.eye(3), np.zeros(3)
-            frozen = (*before.frozen, name) if name in standing else before.frozen
             links[child] = Link(child, index, rotation, translation, frozen)
             waiting.append(links[child])
     return tuple(moving[name] for name in joints), links

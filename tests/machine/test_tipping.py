@@ -30,12 +30,17 @@ rear_mm = 1000
 """
 
 
-def _leaning(roll: float, pitch: float, limits: tuple[float, float] = (-3, 3)) -> Machine:
+def _leaning(
+    roll: float,
+    pitch: float,
+    limits: tuple[float, float] = (-3, 3),
+    order: list[str] | None = None,
+) -> Machine:
     """A column that leans by two angles [rad], boom and stick."""
     column = replace(COLUMN, rpy=(roll, pitch, 0), limits=limits)
     lift = replace(LIFT, base=("column", (0.7, 0, 0.1)))
     joints = [column, replace(BOOM, parent="column"), STICK]
-    return build(joints, [lift, FOLD], more=MOTOR + STABILITY)
+    return build(joints, [lift, FOLD], order=order, more=MOTOR + STABILITY)
 
 
 def _tipping_by_virtual_work(
@@ -104,3 +109,23 @@ def test_moments_do_not_turn_with_a_slew_apart_from_the_root() -> None:
     np.testing.assert_allclose(
         np.ptp(centre_ahead(machine, machine.rigid_poses(q))), 0, atol=1e-12
     )
+
+
+@pytest.mark.parametrize("lean", [(0, 0), (0, 10), (-6, 8)])
+@pytest.mark.parametrize("turn", [0.5, 1.57, -2.4])
+def test_a_frozen_slew_is_one_that_stands_there(lean: tuple[float, float], turn: float) -> None:
+    """Tips, reaches and heads as the machine does whose slew could move and is turned so far."""
+    roll, pitch = (math.radians(angle) for angle in lean)
+    free = _leaning(roll, pitch)
+    frozen = _leaning(roll, pitch, order=["boom", "stick"]).replace({"frozen.column": turn})
+    q = np.column_stack([np.linspace(-0.2, 0.2, 5), np.linspace(0.1, -0.25, 5)])
+    turned = np.column_stack([np.full(len(q), turn), q])
+    tips, places = [], []
+    for machine, at in ((free, turned), (frozen, q)):
+        rigid = machine.rigid_poses(at)
+        tool = machine.arm.point(rigid, "stick", np.array([4.0, 0.0, 0.1]))
+        places.append(machine.arm.reach(at, tool))
+        tips.append(tipping_masses(machine, rigid, machine.arm.ahead(at, tool)))
+    assert np.isfinite(tips[0]).all()
+    np.testing.assert_allclose(*tips, rtol=1e-9)
+    np.testing.assert_allclose(*places, rtol=1e-12)
