@@ -194,6 +194,12 @@ class LoopFigures(NamedTuple):
     command_bandwidth: Array  # the same of the command's response with feed-forward (n, nq)
     peak: Array  # of the sensitivity S of all loops (n,)
 
+    @classmethod
+    def none(cls, n: int, nq: int) -> LoopFigures:
+        """Of n poses with nq loops that have no gains."""
+        shapes = (n,), (n,), (n, nq), (n, nq), (n, nq), (n,)
+        return cls(*map(np.zeros, shapes))
+
     def where(self, flags: Flags, other: LoopFigures) -> LoopFigures:
         """These figures at flagged poses (n,), at the rest the figures of other controllers."""
         pairs = zip(self, other, strict=True)

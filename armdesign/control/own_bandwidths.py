@@ -1,8 +1,8 @@
 """Controllers of all rows of a bandwidth map; the rows with the lowest bandwidth searched longest.
 
 Gains of their own are searched at every pose from the common gains, then from what has been found
-there and at the poses next to it, on a grid of frequencies that has those that decide for the
-loops found. The row with the least bandwidth is then searched from ``STARTS`` starts about all
+there and at the poses next to it, on a grid of frequencies that has the resonances of the loops
+found. The row with the least bandwidth is then searched from ``STARTS`` starts about all
 these, until the lowest of the map is one that has been searched so ``SEARCHES`` times. It is still
 a lower bound, as any search finds.
 """
@@ -23,7 +23,7 @@ from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
 PASSES = 1  # over all poses, from what those next to each have found
 SEARCHES, STARTS = 2, 128  # of the lowest row, and the starts of each
-ROUNDS = 1  # of halving where loops found decide, enough to lead a search
+ROUNDS = 0, 1  # of halving where loops found decide: of all rows, and of the lowest row
 LEADERS = 2, 16  # of the starts of all rows, and of the lowest row, that are followed to the end
 AROUND = 0.8  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
@@ -51,7 +51,8 @@ class Schemes:
         for _ in range(PASSES):
             x = _logarithms(task, own)
             starts = np.concatenate([x[:, None], x[near]], axis=1)
-            own = searched(_where_decided(task, own), start, starts, LEADERS[0]).or_wider(own)
+            again = searched(_where_decided(task, own, ROUNDS[0]), start, starts, LEADERS[0])
+            own = again.or_wider(own)
         return cls(simple, alone, common, own.or_wider(alone), start, _logarithms(task, own))
 
 
@@ -80,7 +81,7 @@ def _raise_lowest(
         starts = np.resize(around, (STARTS, x.shape[1]))
         starts = starts + AROUND * random.standard_normal(starts.shape)
         again = searched(
-            _where_decided(task, each.own[one]), start[[row]], starts[None], LEADERS[1]
+            _where_decided(task, each.own[one], ROUNDS[1]), start[[row]], starts[None], LEADERS[1]
         )
         searches[row] += 1
         if again.figures.narrowest[0] > width[row]:
@@ -95,12 +96,12 @@ def searched(task: Task, within: Array, starts: Array, leaders: int = 1) -> Tune
     return safe(task, found.controller(task))
 
 
-def _where_decided(task: Task, tuned: Tuned) -> Task:
+def _where_decided(task: Task, tuned: Tuned, rounds: int) -> Task:
     """The task on a grid with the frequencies that decide for loops found on another.
 
-    A search goes where a grid has none.
+    A search goes where a grid has none. With no rounds these are resonances alone.
     """
-    return replace(task, loops=refined(task.plant, task.loops, tuned.controller, rounds=ROUNDS))
+    return replace(task, loops=refined(task.plant, task.loops, tuned.controller, rounds=rounds))
 
 
 def _logarithms(task: Task, tuned: Tuned) -> Array:

@@ -25,7 +25,7 @@ def individual(task: Task, common: Tuned) -> Tuned:
     kappa = task.without_units(common.controller)[0]
     raised = _raised(Task(task.plant, Loops.of(task.plant, NEAR), task.aim), kappa)
     controller = task.controller(raised, np.zeros(task.shapes[1]))
-    return safe(task, controller, common.controller)
+    return safe(task, controller, common)
 
 
 def _raised(task: Task, kappa: Array) -> Array:

@@ -22,41 +22,32 @@ SIZES = 3  # of matrices, before those of responses
 ROUNDS = 3  # of halving
 
 
-def refined(
-    plant: LoopPlant,
-    loops: Loops,
-    controller: Controller,
-    *,
-    widths: bool = True,
-    rounds: int = ROUNDS,
-) -> Loops:
+def refined(plant: LoopPlant, loops: Loops, controller: Controller, rounds: int = ROUNDS) -> Loops:
     """The loops with further frequencies where figures of their controllers are decided.
 
     Args:
         plant: of n poses.
         loops: of them, on any grid.
         controller: of them.
-        widths: whether bandwidths are wanted, beside margins.
         rounds: of halving.
     """
     added = [Loops.at(plant, stability(plant, controller).ringing)]
-    omega, values = loops.omega, _values(loops, controller, widths)
+    omega, values = loops.omega, _values(loops, controller)
     for _ in range(rounds + 1):
         last = added[-1]
-        more = _values(last, controller, widths)
+        more = _values(last, controller)
         omega, values = in_order([omega, last.omega], [values, more])
         if len(added) <= rounds:
             added.append(Loops.at(plant, _middles(omega, values)))
     return loops.joined(added)
 
 
-def _values(loops: Loops, controller: Controller, widths: bool) -> Array:
-    """Sizes of ½(S − T) at both openings; if wanted of S, and −1 × of responses (n, f, …)."""
+def _values(loops: Loops, controller: Controller) -> Array:
+    """Sizes of ½(S − T) at both openings and of S, and −1 × of responses (n, f, …)."""
     S_c, S, closed = loops.closed(controller)
-    matrices = [each - 0.5 * np.eye(each.shape[-1]) for each in (S_c, S)] + [S] * widths
+    matrices = *(each - 0.5 * np.eye(each.shape[-1]) for each in (S_c, S)), S
     sizes = [np.linalg.norm(balanced(each), axis=(-2, -1))[..., None] for each in matrices]
-    if widths:
-        sizes += [-np.abs(each) for each in loops.responses(controller, S, closed)]
+    sizes += [-np.abs(each) for each in loops.responses(controller, S, closed)]
     return np.concatenate(sizes, axis=2)
 
 

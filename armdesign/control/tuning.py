@@ -88,9 +88,11 @@ class Task:
         """The loops on a fine grid."""
         return Loops.of(self.plant, FINE)
 
-    def figures(self, controller: Controller) -> LoopFigures:
-        """Figures of closed loops, exact between the frequencies of a fine grid too."""
-        return refined(self.plant, self.fine, controller).figures(controller)
+    @property
+    def resting(self) -> Tuned:
+        """Controllers (n,) without gains."""
+        n, nq = self.shapes[0]
+        return Tuned(self.controller(*map(np.zeros, self.shapes)), LoopFigures.none(n, nq))
 
     @property
     def shapes(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -212,19 +214,17 @@ class Tuned:
 def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
     """Controllers (n) with the largest κ of all loops that some η of all loops allows.
 
-    What counts is what is left of κ where gains are reduced, see ``settled``: the η of the largest
+    What counts is what is left of κ where gains are reduced, see ``safe``: the η of the largest
     κ on a coarse grid may lose more of it than another.
     """
-    best, chosen = np.zeros((2, len(task.plant)))
+    best, tuned = np.zeros(len(task.plant)), task.resting
     for eta in loss_factors:
         kappa = _out_of_bands(task, task.largest(eta, task.close * best), eta, best)
-        kept = task.without_units(settled(task, task.common(kappa, eta)))
-        left, fed = (gains[:, 0] for gains in kept)
-        better = left > best
-        best[better], chosen[better] = left[better], fed[better]
-    ones, more = (np.ones(shape) for shape in task.shapes)
-    controller = task.controller(ones * best[:, None], more * chosen[:, None])
-    return Tuned(controller, task.figures(controller))
+        kept = safe(task, task.common(kappa, eta))
+        left = task.without_units(kept.controller)[0][:, 0]
+        rows = np.flatnonzero(left > best)
+        best[rows], tuned = left[rows], tuned.replaced(rows, kept[rows])
+    return tuned
 
 
 def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
@@ -246,44 +246,45 @@ def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
     return sound
 
 
-def safe(task: Task, controller: Controller, least: Controller | None = None) -> Tuned:
-    """The controllers with gains reduced where need be, and figures of their loops."""
-    kept = settled(task, controller, least)
-    return Tuned(kept, task.figures(kept))
-
-
-def settled(task: Task, controller: Controller, least: Controller | None = None) -> Controller:
+def safe(task: Task, controller: Controller, least: Tuned | None = None) -> Tuned:
     """The controllers with gains reduced until margin and stability hold on a fine grid.
 
-    And at the resonances of the closed loops. Gains are reduced towards those of controllers that
-    hold, ``least`` (None: 0), which remain where no reduction is enough.
+    And at the resonances of the closed loops, and where else their figures are decided. Gains are
+    reduced towards those of controllers that hold, ``least`` (None: 0), which remain where no
+    reduction is enough.
     """
-    least = least or task.controller(*map(np.zeros, task.shapes))
-    share, rows = np.zeros(len(task.plant)), np.flatnonzero(controller.position.any(axis=1))
+    kept = least or task.resting
+    least, share = kept, np.zeros(len(task.plant))
+    rows = np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
-        less = _between(least, controller, np.full(len(share), tried))
-        kept = _keeping(task, less, rows)
-        share[kept] = tried
-        rows = np.setdiff1d(rows, kept)
+        less = _between(least.controller, controller, np.full(len(share), tried))
+        holding, loops = _keeping(task, less, rows)
+        if len(holding):
+            own = less[holding]
+            kept = kept.replaced(holding, Tuned(own, loops.figures(own)))
+            share[holding], rows = tried, np.setdiff1d(rows, holding)
         if len(rows) == 0:
             break
     if task.close < CLOSE:
-        share = _finer(task, controller, least, share)
-    return _between(least, controller, share)
+        finer = _finer(task, controller, least.controller, share)
+        own = _between(least.controller, controller, finer)
+        kept = Tuned(own, refined(task.plant, task.fine, own).figures(own))
+    return kept
 
 
-def _keeping(task: Task, controller: Controller, rows: Array) -> Array:
-    """Those of some poses at which loops are stable, and keep the margin where they ring too."""
+def _keeping(task: Task, controller: Controller, rows: Array) -> tuple[Array, Loops]:
+    """Those of some poses at which loops are stable, and keep the margin where they ring too.
+
+    And their loops, refined where their figures are decided.
+    """
     rows = rows[margins_hold(task.fine, controller, task.aim.margin, rows)]
+    rows = rows[stable(task.plant[rows], controller[rows])] if len(rows) else rows
     if len(rows) == 0:
-        return rows
-    plant, own = task.plant[rows], controller[rows]
-    keeps = stable(plant, own)
-    rows, plant, own = rows[keeps], plant[keeps], own[keeps]
-    if len(rows) == 0:
-        return rows
-    there = refined(plant, task.fine[rows], own, widths=False)
-    return rows[margins_hold(there, own, task.aim.margin, np.arange(len(rows)))]
+        return rows, task.fine[rows]
+    own = controller[rows]
+    loops = refined(task.plant[rows], task.fine[rows], own)
+    holds = margins_hold(loops, own, task.aim.margin, np.arange(len(rows)))
+    return rows[holds], loops[holds]
 
 
 def _finer(task: Task, controller: Controller, least: Controller, share: Array) -> Array:
@@ -294,7 +295,7 @@ def _finer(task: Task, controller: Controller, least: Controller, share: Array) 
     while len(rows := np.flatnonzero(above > task.close * share)):
         middle = (share + above) / 2
         holds = np.zeros(len(share), dtype=bool)
-        holds[_keeping(task, _between(least, controller, middle), rows)] = True
+        holds[_keeping(task, _between(least, controller, middle), rows)[0]] = True
         share[holds], above[rows] = middle[holds], np.where(holds, above, middle)[rows]
     return share
 
