@@ -36,11 +36,12 @@ def disk_margin_for(gain_db: float, phase: float) -> float:
         ArmDesignError: no disk does.
     """
     if not 0 < gain_db < math.inf:
-        raise ArmDesignError("gain margin", f"{gain_db:g} dB", "give more than 0 dB, as 6")
+        fault = f"{gain_db:g} dB is not allowed"
+        raise ArmDesignError("gain_margin", fault, "give more than 0 dB, as 6")
     if not 0 < phase < math.pi / 2:
         fault = f"{phase / deg:g} deg is not between 0 and 90 deg"
         in_python = ", in Python 45 * deg = 0.785" if phase / deg > 90 else ""
-        raise ArmDesignError("phase margin", fault, f"give one as 45 deg{in_python}")
+        raise ArmDesignError("phase_margin", fault, f"give one as 45 deg{in_python}")
     return max(of_gain_margin(gain_db), of_phase_margin(phase))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
+from armdesign.hydraulics.actuator import Motor
 from armdesign.machine.machine import Machine
 from armdesign.motion.feed_forward import SpoolPlan
 from armdesign.motion.outcome import MoveRun
@@ -110,7 +111,9 @@ class Move(ReadOnly):
             unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
             columns[f"{joint.name}_{unit}"] = position / factor
         for i, (name, table) in enumerate(self.commands.items()):
-            columns[f"{name}_speed"] = self.plan.speeds[:, i]
+            turns = isinstance(self.machine.actuators[i], Motor)
+            unit, factor = ("deg_per_s", deg) if turns else ("mm_per_s", mm)
+            columns[f"{name}_{unit}"] = self.plan.speeds[:, i] / factor
             columns[f"{name}_spool"] = np.array([table(t) for t in columns["time_s"]])
         columns["pump_l_per_min"] = self.plan.flow / l_per_min
         return pd.DataFrame(columns)

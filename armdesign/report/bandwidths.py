@@ -160,8 +160,8 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
             f" {float(gain_margin_db(margin)):.1f} dB,"
             f" {float(phase_margin(margin)) / deg:.0f} deg; damping: {source}{delay}; widest loop:"
             " bandwidth at the median pose; error of a move at constant speed is that speed times"
-            " the seconds, settles: within 2 % of a step, each at its worst pose; with"
-            f" feed-forward: bandwidth of commands, the valve's gain known within"
+            " the seconds, settles: within 2 % of a step at the latest, each at its worst pose;"
+            f" with feed-forward: bandwidth of commands, the valve's gain known within"
             f" {100 * GAIN_ERROR:.0f} %, the rest of the loop as without{_note(maps)}"
         ),
     )
@@ -229,19 +229,26 @@ def _worst_sheet(label: str, bandwidths: BandwidthMap, units: Units) -> Sheet:
         " gains"
     )
     note += _hardly_damped(bandwidths)
-    works = bandwidths.frame["works"]
-    unworkable = int((~works).sum())
-    if unworkable:
-        note += (
-            f"; {unworkable} of {len(bandwidths.frame)} poses left out: unstable on trapped oil,"
-            " or a load above the supply's pressure or a relief"
-        )
+    note += _left_out(bandwidths)
     return Sheet(
         title=f"{label}: worst poses" if label else "Worst poses",
         columns=("pose", "f [Hz]", "ζ", "own [Hz]", "settles [s]", "where"),
         rows=tuple(rows),
         note=note,
     )
+
+
+def _left_out(bandwidths: BandwidthMap) -> str:
+    """Poses at which no controller works, and load cases of which all poses are such."""
+    works, cases = bandwidths.frame["works"], bandwidths.frame["payload"]
+    if works.all():
+        return ""
+    words = (
+        f"; {int((~works).sum())} of {len(works)} poses left out: unstable on trapped oil, or a"
+        " load above the supply's pressure or a relief"
+    )
+    lost = [name for name in cases.unique() if not works[cases == name].any()]
+    return words + (f"; all of payload {' and '.join(lost)}" if lost else "")
 
 
 def _hardly_damped(bandwidths: BandwidthMap) -> str:

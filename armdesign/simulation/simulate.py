@@ -28,6 +28,7 @@ from armdesign.simulation.run import Simulation
 
 TOLERANCE = 1e-8  # relative, and absolute in rad, m, m/s, bar
 MOST_STEPS = 500_000
+MOST_RECORDS = 10_000_000  # instants of a run: some gigabytes
 INSTANT = 1e-9  # [s] beyond a state, where the next one could not be reached
 FAR_BEYOND = 0.05  # of the stroke: no stop gives way so far
 
@@ -224,6 +225,10 @@ def _refuse(case: SimulationCase) -> None:
         if not (math.isfinite(value) and value > 0):
             fault = f"{value:g} is not allowed"
             raise SimulationError(f"{name}: {what}", fault, "give a positive number")
+    if (records := case.duration * case.rate) > MOST_RECORDS:
+        fault = f"{case.duration:g} s at {case.rate:g} per second are {records:.2g} instants"
+        remedy = f"give {MOST_RECORDS / case.rate:g} s or less, or a lower rate"
+        raise SimulationError(f"{name}: duration", fault, remedy)
     if case.velocity is not None:
         joints = case.machine.joints
         try:

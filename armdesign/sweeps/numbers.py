@@ -57,6 +57,8 @@ MEANINGS = {
     "<scheme>_hz": "least bandwidth over the workspace of a kind of position loop [Hz]",
     "softest_hz": "lowest natural frequency of the map of bandwidths [Hz]",
     "softest_payload": "load case of that frequency",
+    "workable_share": "share of the poses, under all load cases, at which a controller works:"
+    " bandwidths are of these",
 }
 
 
@@ -128,7 +130,7 @@ def of_validation(validation: Validation) -> Numbers:
 
 
 def of_bandwidths(bandwidths: BandwidthMap) -> Numbers:
-    """Least bandwidth of each kind of position loop, and the lowest frequency beside it."""
+    """Least bandwidth of each kind of position loop, lowest frequency, share of poses."""
     from armdesign.control.bandwidth_map import SCHEMES
 
     softest = bandwidths.softest
@@ -136,4 +138,5 @@ def of_bandwidths(bandwidths: BandwidthMap) -> Numbers:
         **{f"{scheme}_hz": float(bandwidths.worst(scheme)[f"{scheme}_hz"]) for scheme in SCHEMES},
         "softest_hz": float(softest["f1_hz"]),
         "softest_payload": str(softest["payload"]),
+        "workable_share": float(bandwidths.frame["works"].mean()),
     }

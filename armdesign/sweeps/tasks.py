@@ -93,6 +93,8 @@ def simulate(
     if not -1.0 <= opening <= 1.0:
         fault = f"{opening:g} is not allowed"
         raise ArmDesignError("opening", fault, "give a number from −1 to 1")
+    if not pulse > 0:
+        raise ArmDesignError("pulse", f"{pulse:g} s is not allowed", "give a positive number")
     worst = frequency_map(machine, workspace).worst
     command = {name: Step(size=opening, end=pulse)}
     run = simulated(machine, worst.q, command=command, duration=duration, payload=worst.payload)

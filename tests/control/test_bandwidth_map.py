@@ -15,6 +15,7 @@ from armdesign.control.loops import FINE, Loops
 from armdesign.control.stability import stable
 from armdesign.control.tuning import Aim, Task, proportional
 from armdesign.report.bandwidths import bandwidth_sheets
+from armdesign.sweeps.numbers import of_bandwidths
 from armdesign.units import deg
 from tests.control.machines import single_pose
 
@@ -115,6 +116,20 @@ def test_a_supply_that_cannot_lift() -> None:
     workspace = ad.Workspace.grid(machine, points=2)
     with pytest.raises(ad.ArmDesignError, match="at no pose"):
         ad.bandwidth_map(machine, workspace, damping=0.02)
+
+
+def test_a_load_case_that_cannot_be_lifted_is_said() -> None:
+    """Its bandwidths are missing, so that the worst of the others is no answer for it."""
+    machine = ad.load("excavator_20t").replace({"payload.full.mass_kg": 60000})
+    workspace = ad.Workspace.grid(machine, points=2)
+    bandwidths = ad.bandwidth_map(machine, workspace, damping=0.02)
+    full = bandwidths.frame["payload"] == "full"
+    assert not bandwidths.frame.loc[full, "works"].any()
+    assert bandwidths.frame.loc[~full, "works"].all()
+    notes = " ".join(sheet.note for sheet in bandwidth_sheets({"": bandwidths}))
+    assert f"; {full.sum()} of {len(full)} poses left out: " in notes
+    assert "; all of payload full" in notes
+    assert of_bandwidths(bandwidths)["workable_share"] == pytest.approx((~full).mean())
 
 
 def test_valves_slower_than_the_mode_are_said() -> None:

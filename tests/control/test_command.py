@@ -76,11 +76,17 @@ def test_two_machines_stand_side_by_side(
     [
         (["paper_1dof"], "no bandwidth can rest on that; state it, as --damping 0.02"),
         (["patu_boom", "--damping", "3"], "3 is not in"),
-        (["patu_boom", "--gain-margin", "0"], "give more than 0 dB"),
+        (
+            ["patu_boom", "--gain-margin", "0"],
+            "armdesign: --gain-margin: 0 dB is not allowed; give more than 0 dB",
+        ),
         (["patu_boom", "--gain-margin", "1e5"], "no gains keep 100000 dB"),
         (["patu_boom", "--gain-margin", "120"], "ask for at most"),
         (["patu_boom", "--phase-margin", "89.999"], "ask for at most"),
-        (["patu_boom", "--phase-margin", "2578"], "in Python 45 * deg = 0.785"),
+        (
+            ["patu_boom", "--phase-margin", "2578"],
+            "--phase-margin: 2578 deg is not between 0 and 90 deg; give one as 45 deg, in Python",
+        ),
         (["patu_boom", "--filter", "low"], "give high-pass or band-pass"),
         (
             ["patu_boom", "--corner", "0"],

@@ -39,9 +39,10 @@ def test_a_shaped_move_rings_less_and_takes_longer_by_its_delays(swung: ad.Move)
     assert swung.shaped.simulation.q[-1] == pytest.approx(np.zeros(1), abs=np.radians(1.0))
     frame, table = swung.frame, swung.residuals
     assert list(frame.columns) == [
-        "time_s", "boom_deg", "lift_speed", "lift_spool", "pump_l_per_min",
+        "time_s", "boom_deg", "lift_mm_per_s", "lift_spool", "pump_l_per_min",
     ]  # fmt: skip
     assert frame["boom_deg"].iloc[[0, -1]].to_list() == pytest.approx([-20, 0], abs=1e-9)
+    assert frame["lift_mm_per_s"].to_numpy() == pytest.approx(1e3 * swung.plan.speeds[:, 0])
     assert list(table["shaper"]) == ["none", "zvd"] * 3
     assert table["residual_mm"].iloc[1] == pytest.approx(1e3 * swung.shaped.residual)
 

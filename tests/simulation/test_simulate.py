@@ -173,6 +173,8 @@ def test_faults_of_a_call(excavator: Machine) -> None:
         simulate(excavator, WORST, {"arm": pulse(0.1, 0.5)}, duration=1.0)
     with pytest.raises(SimulationError, match="duration"):
         simulate(excavator, WORST, {}, duration=-1.0)
+    with pytest.raises(SimulationError, match=r"are 2e\+11 instants; give 50000 s or less"):
+        simulate(excavator, WORST, {}, duration=1e9)  # no memory has so many
     with pytest.raises(
         SimulationError,
         match="gives 2 numbers; give a list, one per cylinder: boom, stick, bucket",

@@ -269,3 +269,13 @@ def test_a_missing_valve_is_said_before_the_map(monkeypatch: pytest.MonkeyPatch)
     bare = replace(machine, cylinders=(replace(machine.cylinders[0], valve=None),))
     with pytest.raises(ad.ArmDesignError, match="cylinder lift has no valve"):
         tasks.simulate(bare, ad.Workspace.grid(machine, points=2))
+
+
+@pytest.mark.parametrize("pulse", [0.0, -1.0, float("nan")])
+def test_a_pulse_that_never_begins_is_said_by_its_name(
+    pulse: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tasks, "frequency_map", lambda *_: pytest.fail("it maps"))
+    machine = ad.load("paper_1dof")
+    with pytest.raises(ad.ArmDesignError, match=r"^pulse: .* s is not allowed; give a positive"):
+        tasks.simulate(machine, ad.Workspace.grid(machine, points=2), pulse=pulse)
