@@ -7,6 +7,7 @@ machine file, read back and judged by ``check``, which knows nothing of the opti
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,7 +29,7 @@ from armdesign.design.search.multistart import Starts
 from armdesign.design.search.prices import LEAST_PRICE, prices
 from armdesign.design.search.rounding import CheckedMachine, rounded_machine
 from armdesign.design.search.sequential_sdp import Search
-from armdesign.frequency.bands import Bands
+from armdesign.frequency.bands import Bands, Masses
 from armdesign.frequency.frequency_band import FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import hertz
@@ -81,6 +82,28 @@ class Outcome:
         if rounded is None:
             raise not_written(search)
         return cls(search, starts, best_sizes, rounded)
+
+    @classmethod
+    def at_all_masses(
+        cls, problem: Problem, solve: Callable[[Problem, Outcome | None], Outcome]
+    ) -> Outcome:
+        """The outcome whose machine is at its worst at masses that its problem counts.
+
+        At first these are the ends of their bands. Where the machine is worse between them, the
+        masses of these places join, and ``solve`` goes on from the last outcome.
+        """
+        outcome = solve(problem, None)
+        while more := outcome._missed_masses:
+            problem = problem.with_masses((*problem.dynamics.corners.between, *more))
+            outcome = solve(problem, outcome)
+        return outcome
+
+    @property
+    def _missed_masses(self) -> tuple[Masses, ...]:
+        new, corners = self.rounded, self.search.problem.dynamics.corners
+        if not corners.not_counted:  # then the machine need not be judged
+            return ()
+        return corners.missed_masses(new.machine, new.judged)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -99,7 +99,8 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
         if value != getattr(problem.requirements, name)
     }
     numbers = all(isinstance(value, float) for value in limits.values())
-    same = replace(problem, requirements=own.requirements, sizes=own.sizes)
+    between = own.dynamics.corners.between
+    same = replace(problem, requirements=own.requirements, sizes=own.sizes).with_masses(between)
     if not numbers or same.identity != own.identity or design.machine.urdf_text != today.urdf_text:
         return None
     return {
@@ -107,6 +108,7 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
         "source": design.machine.source.name,
         "limits": limits,
         "sizes": own.sizes,
+        "between": between,
         "x": design.x.tolist(),
         "watched": design.watched.tolist(),
         "best_sizes": design.best_sizes and asdict(design.best_sizes),
@@ -118,6 +120,9 @@ def fields_of(answer: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
     """Fields of the design of a problem that a journal has kept."""
     sizes = tuple(size and (size[0], size[1]) for size in answer["sizes"])
     requirements = replace(problem.requirements, **answer["limits"])
+    between = tuple((payload, links) for payload, links in answer["between"])
+    if between:
+        problem = problem.with_masses(between)
     problem, today = replace(problem, requirements=requirements, sizes=sizes), problem.machine
     source = today.source.with_name(answer["source"])
     machine = Machine.from_text(answer["text"], today.urdf_text, source).loaded_like(today)

@@ -140,6 +140,24 @@ def outcome_of(
     Raises:
         InfeasibleError: none was found that meets the requirements.
     """
+
+    def under(problem: Problem, last: Outcome | None) -> Outcome:
+        start = (last.search.x, last.search.problem.sizes) if last else given
+        return _outcome(problem, sizes, starts, seed, workers, start, any_will_do)
+
+    return under(problem, None) if any_will_do else Outcome.at_all_masses(problem, under)
+
+
+def _outcome(
+    problem: Problem,
+    sizes: Sizes | None,
+    starts: int | None,
+    seed: int,
+    workers: int,
+    given: tuple[Array, ChosenSizes] | None,
+    any_will_do: bool,
+) -> Outcome:
+    """``outcome_of`` a problem whose masses are those that it counts."""
     if not problem.vector.moving:
         if sizes is not None:
             return _of_catalogue(problem, sizes)
@@ -242,11 +260,15 @@ def size_cylinders(
         objective=_stated(objective), catalogue=catalogue,
     )  # fmt: skip
 
-    def under(problem: Problem, _: bool) -> Outcome:
+    def solve(problem: Problem, last: Outcome | None) -> Outcome:
         if sizes is not None:
             return _of_catalogue(problem, sizes)
-        search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
+        start = last.search.x if last else problem.vector.start
+        search = Search(problem=problem, x=start).run(trust=1.0, tolerance=1e-6)
         return Outcome.of(search, Starts((hertz(search.squared),)))
+
+    def under(problem: Problem, _: bool) -> Outcome:
+        return Outcome.at_all_masses(problem, solve)
 
     def design() -> Design:
         outcome = design_or_proof(problem, under, sizes is not None)
