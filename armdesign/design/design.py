@@ -11,14 +11,14 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.design.bound.certificate import Certificate, certificate_within_bands
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
-from armdesign.design.program.problem import Problem
+from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import documented
 from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
@@ -29,7 +29,7 @@ from armdesign.design.search.multistart import Starts
 from armdesign.design.search.prices import LEAST_PRICE, prices
 from armdesign.design.search.rounding import CheckedMachine, rounded_machine
 from armdesign.design.search.sequential_sdp import Search
-from armdesign.frequency.bands import Bands, Masses
+from armdesign.frequency.bands import Bands
 from armdesign.frequency.frequency_band import FrequencyBand, frequency_band
 from armdesign.frequency.maps import FrequencyMap, frequency_map
 from armdesign.frequency.modes import hertz
@@ -44,6 +44,7 @@ from armdesign.units import percent
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
 
+Found: TypeAlias = tuple[Array, ChosenSizes]  # a design x, and the sizes that it has
 SMALLER = 0.99  # areas, to tell what depends on them
 BINDING = 2e-3  # a requirement with less slack than this binds
 
@@ -85,25 +86,25 @@ class Outcome:
 
     @classmethod
     def at_all_masses(
-        cls, problem: Problem, solve: Callable[[Problem, Outcome | None], Outcome]
+        cls, problem: Problem, solve: Callable[[Problem, Found | None], Outcome]
     ) -> Outcome:
-        """The outcome whose machine is at its worst at masses that its problem counts.
+        """The outcome whose machine is nowhere worse than at the corners that its problem counts.
 
-        At first these are the ends of their bands. Where the machine is worse between them, the
-        masses of these places join, and ``solve`` goes on from the last outcome.
+        At first these have masses at the ends of their bands. Those between at which the machine
+        is worse join, and ``solve`` goes on from the design found. Only one problem's poses are
+        held at a time.
         """
-        outcome = solve(problem, None)
-        while more := outcome._missed_masses:
-            problem = problem.with_masses((*problem.dynamics.corners.between, *more))
-            outcome = solve(problem, outcome)
-        return outcome
-
-    @property
-    def _missed_masses(self) -> tuple[Masses, ...]:
-        new, corners = self.rounded, self.search.problem.dynamics.corners
-        if not corners.not_counted:  # then the machine need not be judged
-            return ()
-        return corners.missed_masses(new.machine, new.judged)
+        if not problem.dynamics.corners.not_counted:
+            return solve(problem, None)
+        between, found = problem.dynamics.corners.between, None
+        while True:
+            outcome = solve(problem.counting(between), found)
+            new, own = outcome.rounded, outcome.search.problem
+            more = own.dynamics.corners.missed(new.machine, new.judged)
+            if not more:
+                return outcome
+            between, found = (*between, *more), (outcome.search.x, own.sizes)
+            del outcome, new, own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

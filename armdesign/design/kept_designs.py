@@ -17,6 +17,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.record import Concession
 from armdesign.design.search.rounding import CheckedMachine
 from armdesign.errors import InfeasibleError, UntriedError
+from armdesign.frequency.bands import Corner
 from armdesign.journal.finished import Form, finished
 from armdesign.machine.machine import Machine
 
@@ -100,7 +101,7 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
     }
     numbers = all(isinstance(value, float) for value in limits.values())
     between = own.dynamics.corners.between
-    same = replace(problem, requirements=own.requirements, sizes=own.sizes).with_masses(between)
+    same = replace(problem, requirements=own.requirements, sizes=own.sizes).counting(between)
     if not numbers or same.identity != own.identity or design.machine.urdf_text != today.urdf_text:
         return None
     return {
@@ -108,7 +109,7 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
         "source": design.machine.source.name,
         "limits": limits,
         "sizes": own.sizes,
-        "between": between,
+        "between": [[sorted(one.soft), *one.masses] for one in between],
         "x": design.x.tolist(),
         "watched": design.watched.tolist(),
         "best_sizes": design.best_sizes and asdict(design.best_sizes),
@@ -120,9 +121,9 @@ def fields_of(answer: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
     """Fields of the design of a problem that a journal has kept."""
     sizes = tuple(size and (size[0], size[1]) for size in answer["sizes"])
     requirements = replace(problem.requirements, **answer["limits"])
-    between = tuple((payload, links) for payload, links in answer["between"])
+    between = tuple(Corner(frozenset(soft), *masses) for soft, *masses in answer["between"])
     if between:
-        problem = problem.with_masses(between)
+        problem = problem.counting(between)
     problem, today = replace(problem, requirements=requirements, sizes=sizes), problem.machine
     source = today.source.with_name(answer["source"])
     machine = Machine.from_text(answer["text"], today.urdf_text, source).loaded_like(today)

@@ -28,7 +28,7 @@ from armdesign.design.catalogue.alternation import (
 )
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes
-from armdesign.design.design import Design, Outcome
+from armdesign.design.design import Design, Found, Outcome
 from armdesign.design.kept_designs import finished_design
 from armdesign.design.optimize import USUAL_SEARCH, SearchOptions
 from armdesign.design.program.problem import Problem
@@ -125,7 +125,7 @@ def least(
         bands=bands, catalogue=catalogue,
     )  # fmt: skip
 
-    def solve(problem: Problem, _: Outcome | None) -> Outcome:
+    def solve(problem: Problem, _: Found | None) -> Outcome:
         least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
         if sizes is not None and not problem.vector.moving:
             search, best_sizes = least_amount.with_given_pins(sizes)

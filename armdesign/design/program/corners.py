@@ -10,7 +10,7 @@ Where frequencies count with an emphasis of their own at every pose and load cas
 square takes the place of ω²: M is divided by that, and K multiplied by how it grows with x.
 
 Masses count at the ends of their bands; between them, where oil carries air, only those at which a
-design that was found is worse than that: ``missed_masses``.
+design that was found is worse than that: ``missed``.
 
 Structure in series with an actuator stays as it is in m/N, whatever cylinder is chosen.
 """
@@ -27,7 +27,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.frequency.bands import Bands, Corner, End, Masses
+from armdesign.frequency.bands import Bands, Corner, End
 from armdesign.frequency.cases import CasePoses
 from armdesign.frequency.frequency_band import FrequencyBand, at_corners, frequency_band
 from armdesign.frequency.workspace import Workspace
@@ -85,7 +85,7 @@ class Corners:
         gain: whether the least gain over today's machine counts; else the worst frequency.
         proportional: whether dead volumes grow with the areas.
         emphasis: by how much frequencies count at poses and load cases; None: all alike.
-        between: masses that count beside the ends of their bands, see ``missed_masses``.
+        between: corners that count with masses between the ends of their bands, see ``missed``.
     """
 
     today: Machine
@@ -94,18 +94,18 @@ class Corners:
     gain: bool = False
     proportional: bool = False
     emphasis: Emphasis | None = None
-    between: tuple[Masses, ...] = ()
+    between: tuple[Corner, ...] = ()
 
     @cached_property
     def all(self) -> list[Corner]:
-        """The corners, each end of oil, structure and springs with all masses that count."""
-        masses = *self.bands.mass_ends, *self.between
-        return [Corner(soft, *some) for soft in self.ends for some in masses]
+        """The corners: ends of oil, structure and springs with all ends of masses, and others."""
+        masses = self.bands.mass_ends
+        return [*(Corner(soft, *some) for soft in self.ends for some in masses), *self.between]
 
-    def with_masses(self, between: tuple[Masses, ...]) -> Corners:
-        """The same with these masses between the ends of their bands; today's band is known."""
+    def counting(self, between: tuple[Corner, ...]) -> Corners:
+        """The same with these corners between the ends; today's band is found once."""
         other = replace(self, between=between)
-        if "band" in self.__dict__:
+        if self.gain:
             other.__dict__["band"] = self.band
         return other
 
@@ -163,20 +163,19 @@ class Corners:
         return self.objective(self._frequencies(machine, self.all))
 
     @property
-    def not_counted(self) -> list[Masses]:
-        """Masses that the bands try and that do not count, without emphasis."""
-        known, tried = {one.masses for one in self.all}, self.bands.mass_shares(self.today)
-        return [some for some in tried if some not in known and self.emphasis is None]
+    def not_counted(self) -> list[Corner]:
+        """Corners with masses that the bands try and that do not count, without emphasis."""
+        known, tried = {*self.all}, self.bands.corners(self.today, self.ends)
+        return [one for one in tried if one not in known and self.emphasis is None]
 
-    def missed_masses(self, machine: Machine, judged: float) -> tuple[Masses, ...]:
-        """Masses that do not count and at which a machine is worse than ``judged`` [Hz]."""
-        corners = [Corner(soft, *some) for soft in self.ends for some in self.not_counted]
-        lower = (
-            corner.masses
-            for corner, frequency in self._frequencies(machine, corners).items()
+    def missed(self, machine: Machine, judged: float) -> tuple[Corner, ...]:
+        """Corners that do not count and at which a machine is worse than ``judged`` [Hz]."""
+        frequencies = self._frequencies(machine, self.not_counted)
+        return tuple(
+            corner
+            for corner, frequency in frequencies.items()
             if frequency / math.sqrt(self._weight(corner)) < judged * (1 - ALIKE)
         )
-        return tuple(dict.fromkeys(lower))
 
     def _frequencies(self, machine: Machine, corners: list[Corner]) -> dict[Corner, float]:
         """Worst frequencies [Hz] of a machine at some corners."""
