@@ -7,17 +7,18 @@ machine file, read back and judged by ``check``, which knows nothing of the opti
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
 from armdesign.design.bound.certificate import Certificate, certificate_within_bands
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
-from armdesign.design.program.problem import Problem
+from armdesign.design.program.problem import ChosenSizes, Problem
 from armdesign.design.provenance import documented
 from armdesign.design.requirements.check import slacks, static_loads
 from armdesign.design.requirements.record import Check
@@ -43,6 +44,7 @@ from armdesign.units import percent
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
 
+Found: TypeAlias = tuple[Array, ChosenSizes]  # a design x, and the sizes that it has
 SMALLER = 0.99  # areas, to tell what depends on them
 BINDING = 2e-3  # a requirement with less slack than this binds
 
@@ -81,6 +83,28 @@ class Outcome:
         if rounded is None:
             raise not_written(search)
         return cls(search, starts, best_sizes, rounded)
+
+    @classmethod
+    def at_all_masses(
+        cls, problem: Problem, solve: Callable[[Problem, Found | None], Outcome]
+    ) -> Outcome:
+        """The outcome whose machine is nowhere worse than at the corners that its problem counts.
+
+        At first these have masses at the ends of their bands. Those between at which the machine
+        is worse join, and ``solve`` goes on from the design found. Only one problem's poses are
+        held at a time.
+        """
+        if not problem.dynamics.corners.not_counted:
+            return solve(problem, None)
+        between, found = problem.dynamics.corners.between, None
+        while True:
+            outcome = solve(problem.counting(between), found)
+            new, own = outcome.rounded, outcome.search.problem
+            more = own.dynamics.corners.missed(new.machine, new.judged)
+            if not more:
+                return outcome
+            between, found = (*between, *more), (outcome.search.x, own.sizes)
+            del outcome, new, own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

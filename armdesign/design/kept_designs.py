@@ -17,6 +17,7 @@ from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.record import Concession
 from armdesign.design.search.rounding import CheckedMachine
 from armdesign.errors import InfeasibleError, UntriedError
+from armdesign.frequency.bands import Corner
 from armdesign.journal.finished import Form, finished
 from armdesign.machine.machine import Machine
 
@@ -99,7 +100,8 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
         if value != getattr(problem.requirements, name)
     }
     numbers = all(isinstance(value, float) for value in limits.values())
-    same = replace(problem, requirements=own.requirements, sizes=own.sizes)
+    between = own.dynamics.corners.between
+    same = replace(problem, requirements=own.requirements, sizes=own.sizes).counting(between)
     if not numbers or same.identity != own.identity or design.machine.urdf_text != today.urdf_text:
         return None
     return {
@@ -107,6 +109,7 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
         "source": design.machine.source.name,
         "limits": limits,
         "sizes": own.sizes,
+        "between": [[sorted(one.soft), *one.masses] for one in between],
         "x": design.x.tolist(),
         "watched": design.watched.tolist(),
         "best_sizes": design.best_sizes and asdict(design.best_sizes),
@@ -118,6 +121,9 @@ def fields_of(answer: Mapping[str, Any], problem: Problem) -> dict[str, Any]:
     """Fields of the design of a problem that a journal has kept."""
     sizes = tuple(size and (size[0], size[1]) for size in answer["sizes"])
     requirements = replace(problem.requirements, **answer["limits"])
+    between = tuple(Corner(frozenset(soft), *masses) for soft, *masses in answer["between"])
+    if between:
+        problem = problem.counting(between)
     problem, today = replace(problem, requirements=requirements, sizes=sizes), problem.machine
     source = today.source.with_name(answer["source"])
     machine = Machine.from_text(answer["text"], today.urdf_text, source).loaded_like(today)

@@ -28,7 +28,7 @@ from armdesign.design.catalogue.alternation import (
 )
 from armdesign.design.catalogue.branch_and_bound import SizeSelection
 from armdesign.design.catalogue.sizes import Sizes
-from armdesign.design.design import Design, Outcome
+from armdesign.design.design import Design, Found, Outcome
 from armdesign.design.kept_designs import finished_design
 from armdesign.design.optimize import USUAL_SEARCH, SearchOptions
 from armdesign.design.program.problem import Problem
@@ -124,18 +124,20 @@ def least(
         "least", frequency=frequency, of=of, vary=tuple(vary), starts=starts, seed=seed,
         bands=bands, catalogue=catalogue,
     )  # fmt: skip
-    least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
 
-    def search_for_design() -> Design:
+    def solve(problem: Problem, _: Found | None) -> Outcome:
+        least_amount = LeastAmount(problem=problem, of=of, frequency=frequency)
         if sizes is not None and not problem.vector.moving:
             search, best_sizes = least_amount.with_given_pins(sizes)
-            outcome = Outcome.of(search, Starts((best_sizes.frequency,)), best_sizes)
-            return Design.of(outcome, command=command)
+            return Outcome.of(search, Starts((best_sizes.frequency,)), best_sizes)
         search, failed = least_amount.under_today(starts, seed, workers)
         search = least_amount.search(search)
         if sizes is not None:
             search = least_amount.with_sizes(search, sizes)
-        return least_amount.rounded(search, failed, command)
+        return least_amount.rounded(search, failed)
+
+    def search_for_design() -> Design:
+        return Design.of(Outcome.at_all_masses(problem, solve), command=command)
 
     if sizes is not None:
         refuse_fixed_sizes(problem)
@@ -232,8 +234,8 @@ class LeastAmount:
         proved = self.problem.vector.moving_masses is None
         return search, replace(best_sizes, below=below if proved else math.inf)
 
-    def rounded(self, search: Search, failed: Starts, command: str) -> Design:
-        """The rounded design, under a little more where rounding costs too much."""
+    def rounded(self, search: Search, failed: Starts) -> Outcome:
+        """The outcome of the search, under a little more where rounding costs too much."""
         amount, worst = self._amount(search), 0.0
         for more in ROOM:
             under = self._under(search.problem, amount * (1 + more))
@@ -244,8 +246,7 @@ class LeastAmount:
                 if machine is None:  # no room to round in
                     continue
                 if machine.judged >= self.frequency:
-                    outcome = Outcome.of(near, failed, rounded=machine)
-                    return Design.of(outcome, command=command)
+                    return Outcome.of(near, failed, rounded=machine)
                 worst = max(worst, machine.judged)
         fault = f"rounded sizes reach {worst:.4g} of {self.frequency:.4g} Hz"
         raise InfeasibleError(self.problem.machine.name, fault, "ask for less")

@@ -9,7 +9,6 @@ from typing import TypedDict
 import numpy as np
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array
 from armdesign.design.bound.unfit_sizes import refuse_unfit_catalogue
 from armdesign.design.catalogue.alternation import (
     meeting_all,
@@ -19,10 +18,10 @@ from armdesign.design.catalogue.alternation import (
     sizes_for_pins,
 )
 from armdesign.design.catalogue.sizes import Sizes, sizes_and_grid
-from armdesign.design.design import Design, Outcome
+from armdesign.design.design import Design, Found, Outcome
 from armdesign.design.kept_designs import finished_design
 from armdesign.design.program.corners import Emphasis
-from armdesign.design.program.problem import ChosenSizes, Problem
+from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.idle_changes import without_idle_changes
@@ -129,7 +128,7 @@ def outcome_of(
     starts: int | None,
     seed: int = 0,
     workers: int = 1,
-    given: tuple[Array, ChosenSizes] | None = None,
+    given: Found | None = None,
     any_will_do: bool = False,
 ) -> Outcome:
     """The best design of a problem, not yet priced; arguments as in ``optimize``.
@@ -140,6 +139,23 @@ def outcome_of(
     Raises:
         InfeasibleError: none was found that meets the requirements.
     """
+
+    def under(problem: Problem, found: Found | None) -> Outcome:
+        return _outcome(problem, sizes, starts, seed, workers, found or given, any_will_do)
+
+    return under(problem, None) if any_will_do else Outcome.at_all_masses(problem, under)
+
+
+def _outcome(
+    problem: Problem,
+    sizes: Sizes | None,
+    starts: int | None,
+    seed: int,
+    workers: int,
+    given: Found | None,
+    any_will_do: bool,
+) -> Outcome:
+    """``outcome_of`` a problem whose masses are those that it counts."""
     if not problem.vector.moving:
         if sizes is not None:
             return _of_catalogue(problem, sizes)
@@ -242,11 +258,15 @@ def size_cylinders(
         objective=_stated(objective), catalogue=catalogue,
     )  # fmt: skip
 
-    def under(problem: Problem, _: bool) -> Outcome:
+    def solve(problem: Problem, found: Found | None) -> Outcome:
         if sizes is not None:
             return _of_catalogue(problem, sizes)
-        search = Search(problem=problem, x=problem.vector.start).run(trust=1.0, tolerance=1e-6)
+        start = found[0] if found else problem.vector.start
+        search = Search(problem=problem, x=start).run(trust=1.0, tolerance=1e-6)
         return Outcome.of(search, Starts((hertz(search.squared),)))
+
+    def under(problem: Problem, _: bool) -> Outcome:
+        return Outcome.at_all_masses(problem, solve)
 
     def design() -> Design:
         outcome = design_or_proof(problem, under, sizes is not None)

@@ -9,8 +9,9 @@ quasi-concave in them and least at a corner of the bands (THEORY §6). Softer oi
 dead volume and softer structure lower the stiffness and nothing else, but for the few mm by which
 a structure that gives way lets the piston stand elsewhere, so for them the corner is known; masses
 add inertia but also static load, and both of their ends are tried. With air the static pressure
-stiffens the oil, λ is no longer quasi-concave in the masses, and values between their ends are
-tried too: a sample, no proof.
+stiffens the oil, at first more and more with the load, so that λ need not be quasi-concave in the
+masses, and values between their ends are tried too: a sample, no proof. Designs are made for their
+ends, and for those between that turn out lower.
 
 The gain of one machine over another has no such law: it may be least where some bands are soft and
 others stiff, or amid them. So the ends of up to ``FEW`` bands are combined in all ways; of more,
@@ -45,6 +46,7 @@ FEW = 5  # bands, those of structure one, of which all combinations of ends are 
 VOLUMES = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
 F = TypeVar("F", Cylinder, Motor)
 End: TypeAlias = frozenset[str]  # bands of stiffness that are soft, by name; the others are stiff
+Masses: TypeAlias = tuple[float, float]  # shares of payload and of link mass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,10 +232,17 @@ class Bands:
         shares = self.mass_shares(machine)
         return [Corner(soft, *masses) for soft in ends for masses in shares]
 
-    def mass_shares(self, machine: Machine) -> list[tuple[float, float]]:
-        """Shares of payload and of link mass to try: the corners, with air also between them."""
+    def mass_shares(self, machine: Machine) -> list[Masses]:
+        """Masses to try: the ends of their bands, with air also between them."""
         air = machine.fluid.air > 0 or (self.air is not None and self.air[1] > 0)
-        count = SAMPLES if air else 2
+        return self._masses(SAMPLES if air else 2)
+
+    @property
+    def mass_ends(self) -> list[Masses]:
+        """Masses at the ends of their bands."""
+        return self._masses(2)
+
+    def _masses(self, count: int) -> list[Masses]:
         values = (np.linspace(*band, count).tolist() for band in (self.payload, self.link_mass))
         return list(dict.fromkeys(itertools.product(*values)))
 
@@ -251,8 +260,13 @@ class Corner(NamedTuple):
     payload_share: float
     link_share: float
 
+    @property
+    def masses(self) -> Masses:
+        """Both shares of masses."""
+        return self.payload_share, self.link_share
 
-def only_masses(exact: Bands) -> tuple[float, float]:
+
+def only_masses(exact: Bands) -> Masses:
     """Shares of payload and of link mass within bands of no width."""
     return exact.payload[0], exact.link_mass[0]
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
-from armdesign.frequency.bands import Bands, Corner, End, only_masses
+from armdesign.frequency.bands import Bands, Corner, only_masses
 from armdesign.frequency.cases import load_cases, refuse_toppling_anywhere
 from armdesign.frequency.workspace import Workspace
 from armdesign.frequency.worst_frequency import Lowest, Starts, lowest_of_poses, worst_frequency
@@ -137,7 +137,8 @@ def band_about(
 ) -> FrequencyBand:
     """As ``frequency_band``; ``nominal``: the lowest frequency [Hz] as the file says, if known."""
     stated = [machine] if nominal is None else []
-    corners, as_stated = at_corners(machine, workspace, bands, bands.ends, today, stated)
+    wanted = bands.corners(machine, bands.ends)
+    corners, as_stated = at_corners(machine, workspace, bands, wanted, today, stated)
     if nominal is None:
         nominal = (
             as_stated[0].worst if as_stated else worst_frequency(machine, workspace)
@@ -158,22 +159,23 @@ def at_corners(
     machine: Machine,
     workspace: Workspace,
     bands: Bands,
-    ends: Sequence[End],
+    corners: Sequence[Corner],
     today: Machine | None = None,
     stated: Sequence[Machine] = (),
 ) -> tuple[dict[Corner, Lowest], list[Lowest]]:
-    """What is lowest at the corners of the bands at some ends, others as in ``frequency_band``.
+    """What is lowest at some corners of the bands, other arguments as in ``frequency_band``.
 
     Then of ``stated`` machines with the values of their files, if its masses are at a corner.
     """
-    at_ends = [bands.at_end(machine, soft, today) for soft in ends]
+    at_end = {soft: bands.at_end(machine, soft, today) for soft in {one.soft for one in corners}}
     known, as_stated = dict[Corner, Lowest](), list[Lowest]()
-    for shares in bands.mass_shares(machine):
-        more = stated if shares == (1.0, 1.0) else ()
-        lowest = lowest_of_poses([*at_ends, *more], workspace, *shares)
-        known |= {Corner(end, *shares): lowest[k] for k, end in enumerate(ends)}
-        as_stated += lowest[len(ends) :]
-    return {corner: known[corner] for corner in bands.corners(machine, ends)}, as_stated
+    for shares in dict.fromkeys(one.masses for one in corners):
+        own = [one for one in corners if one.masses == shares]
+        machines = [at_end[one.soft] for one in own] + [*stated] * (shares == (1.0, 1.0))
+        lowest = lowest_of_poses(machines, workspace, *shares)
+        known |= dict(zip(own, lowest, strict=False))
+        as_stated += lowest[len(own) :]
+    return {corner: known[corner] for corner in corners}, as_stated
 
 
 def _between(
@@ -186,8 +188,9 @@ def _between(
     """The worst frequency [Hz] at each place between the corners of the bands.
 
     No pose is lower there than at all corners; so it is looked for among the poses that are lower
-    at one of them than some chosen poses are at such a place. Places with the same masses are
-    looked at together.
+    at one of them than some chosen poses are at such a place. With air that does not hold between
+    the masses that were tried, and all poses are looked at. Places with the same masses are looked
+    at together.
 
     Args:
         machine: the machine.
@@ -197,11 +200,15 @@ def _between(
         today: as in ``frequency_band``.
     """
     (floor, seeds), found = known, list[float]()
+    sampled = bands.mass_shares(machine) != bands.mass_ends
     for shares, places in itertools.groupby(bands.between, key=only_masses):
         machines = [exact.at_end(machine, frozenset(), today) for exact in places]
-        chosen = lowest_of_poses(machines, workspace.subset(seeds), *shares)
-        rows = np.flatnonzero(floor <= max(lowest.worst.frequency for lowest in chosen))
-        lowest = lowest_of_poses(machines, workspace.subset(rows), *shares)
+        poses = workspace
+        if not sampled:
+            chosen = lowest_of_poses(machines, workspace.subset(seeds), *shares)
+            most = max(lowest.worst.frequency for lowest in chosen)
+            poses = workspace.subset(np.flatnonzero(floor <= most))
+        lowest = lowest_of_poses(machines, poses, *shares)
         found += [of.worst.frequency for of in lowest]
     return tuple(found)
 

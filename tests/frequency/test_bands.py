@@ -258,6 +258,25 @@ def test_least_gain_is_that_of_the_poorest_corner() -> None:
     assert amid[0].least_gain(amid[1]) == pytest.approx(-0.2)
 
 
+def test_with_air_all_poses_count_between_the_masses_that_are_tried() -> None:
+    """Load makes oil stiffer, at first fast, and the machine heavier: between the masses that are
+    tried some poses are lower than at each of them. Against every pose alone.
+    """
+    machine = machines.build([machines.BOOM], [machines.LIFT])
+    bands = ad.Bands(air=(0.05, 0.05), payload=(0.1, 1.5))
+    workspace = ad.Workspace.grid(machine, points=9)
+    expected = []
+    for exact in bands.between:
+        at_end = exact.at_end(machine, frozenset())
+        each = [
+            worst_frequency(at_end, workspace.subset(np.array([k])), *exact.payload[:1]).frequency
+            for k in range(len(workspace))
+        ]
+        expected.append(min(each))
+    band = ad.frequency_band(machine, workspace, bands)
+    np.testing.assert_allclose(band.between, expected, rtol=1e-12)
+
+
 def test_bands_are_read_from_the_file(excavator: ad.Machine) -> None:
     machine = machine_with(
         excavator,

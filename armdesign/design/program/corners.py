@@ -9,14 +9,17 @@ programme for both objectives.
 Where frequencies count with an emphasis of their own at every pose and load case, ω² times its
 square takes the place of ω²: M is divided by that, and K multiplied by how it grows with x.
 
+Masses count at the ends of their bands; between them, where oil carries air, only those at which a
+design that was found is worse than that: ``missed``.
+
 Structure in series with an actuator stays as it is in m/N, whatever cylinder is chosen.
 """
 
 from __future__ import annotations
 
-import dataclasses
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -30,6 +33,8 @@ from armdesign.frequency.frequency_band import FrequencyBand, at_corners, freque
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
+
+ALIKE = 1e-4  # relative, of frequencies: where searches stop
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,6 +85,7 @@ class Corners:
         gain: whether the least gain over today's machine counts; else the worst frequency.
         proportional: whether dead volumes grow with the areas.
         emphasis: by how much frequencies count at poses and load cases; None: all alike.
+        between: corners that count with masses between the ends of their bands, see ``missed``.
     """
 
     today: Machine
@@ -88,11 +94,20 @@ class Corners:
     gain: bool = False
     proportional: bool = False
     emphasis: Emphasis | None = None
+    between: tuple[Corner, ...] = ()
 
     @cached_property
     def all(self) -> list[Corner]:
-        """The corners, each end of oil, structure and springs with all masses."""
-        return self.bands.corners(self.today, self.ends)
+        """The corners: ends of oil, structure and springs with all ends of masses, and others."""
+        masses = self.bands.mass_ends
+        return [*(Corner(soft, *some) for soft in self.ends for some in masses), *self.between]
+
+    def counting(self, between: tuple[Corner, ...]) -> Corners:
+        """The same with these corners between the ends; today's band is found once."""
+        other = replace(self, between=between)
+        if self.gain:
+            other.__dict__["band"] = self.band
+        return other
 
     @cached_property
     def band(self) -> FrequencyBand:
@@ -106,22 +121,29 @@ class Corners:
 
     @cached_property
     def weights(self) -> Array:
-        """By how much inertia counts at each corner.
+        """By how much inertia counts at each corner."""
+        return np.array([self._weight(corner) for corner in self.all])
+
+    def _weight(self, corner: Corner) -> float:
+        """By how much inertia counts at a corner, whether it counts or not."""
+        return (self._today[corner] / self.nominal) ** 2 if self.gain else 1.0
+
+    @cached_property
+    def _today(self) -> dict[Corner, float]:
+        """Today's worst frequency at all corners of the bands [Hz].
 
         Raises:
             ArmDesignError: today's machine is unstable there, so that there is no gain over it.
         """
-        if not self.gain:
-            return np.ones(len(self.all))
-        frequencies = [one.frequency for one in self.band.scenarios]
-        if min(*frequencies, self.nominal) <= 0:
+        today = {one.corner: one.frequency for one in self.band.scenarios}
+        if min(*today.values(), self.nominal) <= 0:
             raise ArmDesignError(
                 f"bands of {self.today.name}",
                 "today's machine is unstable at one of their corners: there is no gain over it",
                 "narrow them, or design for the worst frequency: --objective worst, in Python"
                 ' objective="worst"',
             )
-        return (np.array(frequencies) / self.nominal) ** 2
+        return today
 
     def weight_at(self, corner: int, case: CasePoses) -> Array:
         """By how much inertia counts at a corner at the poses of a load case (m,)."""
@@ -138,8 +160,27 @@ class Corners:
             return self.emphasis.judge(machine)
         if self.gain and machine is self.today:
             return self.objective({one.corner: one.frequency for one in self.band.scenarios})
-        lowest, _ = at_corners(machine, self.workspace, self.bands, self.ends, self.today)
-        return self.objective({corner: of.worst.frequency for corner, of in lowest.items()})
+        return self.objective(self._frequencies(machine, self.all))
+
+    @property
+    def not_counted(self) -> list[Corner]:
+        """Corners with masses that the bands try and that do not count, without emphasis."""
+        known, tried = {*self.all}, self.bands.corners(self.today, self.ends)
+        return [one for one in tried if one not in known and self.emphasis is None]
+
+    def missed(self, machine: Machine, judged: float) -> tuple[Corner, ...]:
+        """Corners that do not count and at which a machine is worse than ``judged`` [Hz]."""
+        frequencies = self._frequencies(machine, self.not_counted)
+        return tuple(
+            corner
+            for corner, frequency in frequencies.items()
+            if frequency / math.sqrt(self._weight(corner)) < judged * (1 - ALIKE)
+        )
+
+    def _frequencies(self, machine: Machine, corners: list[Corner]) -> dict[Corner, float]:
+        """Worst frequencies [Hz] of a machine at some corners."""
+        lowest, _ = at_corners(machine, self.workspace, self.bands, corners, self.today)
+        return {corner: of.worst.frequency for corner, of in lowest.items()}
 
     def objective(self, frequencies: Mapping[Corner, float]) -> float:
         """The objective [Hz] of a machine without emphasis, of its worst frequencies [Hz]."""
@@ -177,7 +218,7 @@ class Corners:
         for i, actuator in enumerate(machine.actuators):
             a1, a2 = pistons.areas[..., i, 0], pistons.areas[..., i, 1]
             if self.proportional:
-                actuator = dataclasses.replace(
+                actuator = replace(
                     actuator,
                     cap_dead_volume=actuator.cap_dead_volume * a1 / areas_today[i, 0],
                     annulus_dead_volume=actuator.annulus_dead_volume * a2 / areas_today[i, 1],

@@ -18,7 +18,7 @@ from armdesign.design.program.design_vector import ChosenLengths, DesignVector
 from armdesign.design.program.dynamics import Dynamics
 from armdesign.design.program.variables import Variable
 from armdesign.design.requirements.settings import Requirements
-from armdesign.frequency.bands import Bands
+from armdesign.frequency.bands import Bands, Corner
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.keys import digest
 from armdesign.machine.file.schema import share_of
@@ -93,6 +93,11 @@ class Problem:
         vector = DesignVector.of(self.machine, self.workspace, self.requirements, vary)
         return replace(self, dynamics=Dynamics(vector=vector, corners=self.dynamics.corners))
 
+    def counting(self, between: tuple[Corner, ...]) -> Problem:
+        """The problem where these corners between the ends of the bands of masses count, too."""
+        corners = self.dynamics.corners.counting(between)
+        return replace(self, dynamics=Dynamics(vector=self.vector, corners=corners))
+
     @property
     def vector(self) -> DesignVector:
         """Meaning of the entries of x."""
@@ -124,6 +129,7 @@ class Problem:
                 [repr(corners.today.fluid), repr(corners.today.cylinders)],  # at ends of bands
                 [vector.vary, repr(vector.boxes), repr(vector.chosen_lengths)],
                 [corners.bands.identity, corners.gain, corners.proportional],
+                [[sorted(one.soft), *one.masses] for one in corners.between],
                 corners.emphasis and corners.emphasis.identity,
                 self.requirements.identity,
                 [repr(self.sizes), repr(self.margins), repr(self.grid)],
@@ -191,7 +197,7 @@ class Problem:
         corners = self.dynamics.corners
         corner, today = corners.all[k], self.machine
         machine = corners.bands.at_end(today, corner.soft)
-        payload, links = ((share, share) for share in (corner.payload_share, corner.link_share))
+        payload, links = ((share, share) for share in corner.masses)
         return self._on(machine, Bands(payload=payload, link_mass=links))
 
     @property
@@ -199,10 +205,14 @@ class Problem:
         """The problem with the softest oil and structure: only bands of masses are left."""
         corners = self.dynamics.corners
         masses = Bands(payload=corners.bands.payload, link_mass=corners.bands.link_mass)
-        return self._on(corners.machines[0], masses)
+        (end,) = masses.ends
+        between = tuple(one._replace(soft=end) for one in corners.between)
+        return self._on(corners.machines[0], masses, between)
 
-    def _on(self, machine: Machine, bands: Bands) -> Problem:
+    def _on(self, machine: Machine, bands: Bands, between: tuple[Corner, ...] = ()) -> Problem:
         """The problem of the worst frequency of another machine within other bands."""
-        corners = replace(self.dynamics.corners, today=machine, bands=bands, gain=False)
+        corners = replace(
+            self.dynamics.corners, today=machine, bands=bands, gain=False, between=between
+        )
         vector = replace(self.vector, machine=machine)
         return replace(self, dynamics=Dynamics(vector=vector, corners=corners))
