@@ -245,6 +245,7 @@ def _tabled(
         return frame, gains
     plant = part.plant(options)
     figures, numbers = _single_loop(plant), dict[str, Array]()
+    figures["rule_hz"] = columns["f1_hz"][part.works] / RULE
     for scheme in SCHEMES:
         tuned = getattr(found, scheme)
         figures |= _figures(machine, scheme, tuned)
@@ -265,7 +266,7 @@ def _tabled(
 
 
 def _single_loop(plant: LoopPlant) -> dict[str, Array]:
-    """Damping, and bandwidths that formulas of a single loop promise [Hz]."""
+    """Damping, and the bandwidth that Merritt's formula of a single loop promises [Hz]."""
     lowest, ratio = plant.frequencies[:, 0], plant.damping[:, 0]
     each, slow = np.arange(len(plant)), (plant.damping * plant.frequencies).argmin(axis=1)
     return {
@@ -273,7 +274,6 @@ def _single_loop(plant: LoopPlant) -> dict[str, Array]:
         "bounding_hz": plant.frequencies[each, slow],
         "bounding_damping": plant.damping[each, slow],
         "merritt_hz": 2 * ratio * lowest,
-        "rule_hz": lowest / RULE,
     }
 
 

@@ -100,6 +100,7 @@ def test_machines_with_their_own_damping(name: str) -> None:
     works = bandwidths.frame[bandwidths.frame["works"]]
     assert (works["own_hz"] > 0).all()
     assert np.isfinite(works.select_dtypes("number").to_numpy()).all()
+    np.testing.assert_allclose(3 * works["rule_hz"], works["f1_hz"])  # with leakage, too
 
 
 @pytest.mark.slow
