@@ -22,7 +22,7 @@ from armdesign.frequency.spread import joints_without_effect
 
 # for each joint that matters: poses at random, kept in a round, and tried about each of these
 SPREAD, PARENTS, CHILDREN = 500, 12, 4
-ROUNDS, SHRINK = 14, 0.7  # steps of the last round: 0.2 % of the joint ranges
+ROUNDS, SHRINK = 22, 0.7  # steps of the last round: 0.01 % of the joint ranges
 STEP, APART = 0.2, 0.3  # of the first round, over the joint ranges
 AT_END, STILL = 0.2, 0.4  # shares of joints at each end of their range, and not moved
 NEIGHBOURS, OFF_LINE = 8, 0.1  # poses that give a line, and share of a random step beside it
