@@ -253,8 +253,8 @@ def safe(task: Task, controller: Controller, least: Tuned | None = None) -> Tune
     reduced towards those of controllers that hold, ``least`` (None: 0), which remain where no
     reduction is enough.
     """
-    kept = least or task.resting
-    least, share = kept, np.zeros(len(task.plant))
+    least = least or task.resting
+    kept, share = least, np.zeros(len(task.plant))
     rows = np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
         less = _between(least.controller, controller, np.full(len(share), tried))

@@ -109,7 +109,7 @@ def kept(design: Design, problem: Problem) -> dict[str, Any] | None:
         "source": design.machine.source.name,
         "limits": limits,
         "sizes": own.sizes,
-        "between": [[sorted(one.soft), *one.masses] for one in between],
+        "between": [one.plain for one in between],
         "x": design.x.tolist(),
         "watched": design.watched.tolist(),
         "best_sizes": design.best_sizes and asdict(design.best_sizes),

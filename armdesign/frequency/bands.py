@@ -265,6 +265,11 @@ class Corner(NamedTuple):
         """Both shares of masses."""
         return self.payload_share, self.link_share
 
+    @property
+    def plain(self) -> list[object]:
+        """As a list of names and numbers that JSON has."""
+        return [sorted(self.soft), *self.masses]
+
 
 def only_masses(exact: Bands) -> Masses:
     """Shares of payload and of link mass within bands of no width."""

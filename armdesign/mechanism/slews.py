@@ -15,8 +15,7 @@ from itertools import takewhile
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly, read_only
-from armdesign.mechanism.jets import cross
-from armdesign.mechanism.urdf import Frozen, Joint, rotations
+from armdesign.mechanism.urdf import Frozen, Joint, rotations, turned
 
 UPRIGHT = math.sqrt(0.5)  # of a unit vector's height, nearer to the vertical than the horizontal
 
@@ -49,30 +48,33 @@ class Slews(ReadOnly):
         return signs
 
     @cached_property
+    def _next_to_root(self) -> tuple[Array, Array] | None:
+        """Direction and a point of the axis next to the root (3,); None without slews."""
+        lines = [(one.axis, one.place) for one in self.frozen]
+        lines += [(axis, self.places[index]) for index, axis in self.axes.items()]
+        return lines[0] if lines else None
+
+    @cached_property
     @read_only
     def foot(self) -> Array:
         """Where the axis next to the root meets the ground (2,) [m]; the root without slews."""
-        axes = [(one.axis, one.place) for one in self.frozen]
-        axes += [(axis, self.places[index]) for index, axis in self.axes.items()]
-        if not axes:
+        if self._next_to_root is None:
             return np.zeros(2)
-        axis, at = axes[0]
+        axis, at = self._next_to_root
         return np.asarray((at - at[2] / axis[2] * axis)[:2])
 
     def heading(self, z: Array) -> Array:
         """Horizontal direction (n, 2) to which they turn the root's x axis, at all coordinates."""
         forward = np.array([1.0, 0.0, 0.0])
-        for axis in [*(one.axis for one in self.frozen), *self.axes.values()][:1]:
+        if self._next_to_root is not None:
+            axis, _ = self._next_to_root
             forward = forward - axis[0] * axis
         for one in self.frozen:
-            forward = rotations(one.axis, np.array([one.at]))[0] @ forward
-        turned = np.broadcast_to(forward, (len(z), 3))
+            forward = turned(rotations(one.axis, np.array([one.at])), forward)[0]
+        ahead = np.broadcast_to(forward, (len(z), 3))
         for index, axis in reversed(list(self.axes.items())):
-            angle = z[:, index, None]
-            along = (turned @ axis)[:, None] * axis
-            across = turned - along
-            turned = along + np.cos(angle) * across + np.sin(angle) * cross(axis[None], across)
-        return np.asarray(turned[:, :2] / np.linalg.norm(turned[:, :2], axis=1, keepdims=True))
+            ahead = turned(rotations(axis, z[:, index]), ahead)
+        return np.asarray(ahead[:, :2] / np.linalg.norm(ahead[:, :2], axis=1, keepdims=True))
 
 
 def is_upright(joint: Joint | Frozen, axis: Array) -> bool:

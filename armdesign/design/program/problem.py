@@ -129,7 +129,7 @@ class Problem:
                 [repr(corners.today.fluid), repr(corners.today.cylinders)],  # at ends of bands
                 [vector.vary, repr(vector.boxes), repr(vector.chosen_lengths)],
                 [corners.bands.identity, corners.gain, corners.proportional],
-                [[sorted(one.soft), *one.masses] for one in corners.between],
+                [one.plain for one in corners.between],
                 corners.emphasis and corners.emphasis.identity,
                 self.requirements.identity,
                 [repr(self.sizes), repr(self.margins), repr(self.grid)],
