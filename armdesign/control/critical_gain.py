@@ -101,7 +101,7 @@ def _factor(plant: LoopPlant, controller: Controller, omega: Array, near: Array)
     loops = Loops.at(plant, omega[:, None])
     damped = replace(controller, position=0 * controller.position)
     wanted = plant.moment_arms * controller.position[:, None]
-    closed = loops.positions[:, 0] @ np.linalg.solve(loops.returned(damped)[:, 0], wanted + 0j)
+    closed = loops.positions[..., 0] @ np.linalg.solve(loops.returned(damped)[:, 0], wanted + 0j)
     with np.errstate(divide="ignore"):
         factors = -1 / np.linalg.eigvals(closed)
     nearest = np.abs(factors - near[:, None]).argmin(axis=1)

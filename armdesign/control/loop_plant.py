@@ -169,25 +169,27 @@ class LoopPlant(ReadOnly):
         return np.concatenate([np.eye(self.joints, self.A.shape[1]), self.load])
 
     def response(self, omega: Array) -> tuple[Array, Array]:
-        """Joint positions (n, f, nq, nc) and load pressures [bar] (n, f, nc, nc) by demands.
+        """Joint positions (n, nq, nc, f) and load pressures [bar] (n, nc, nc, f) by demands.
 
         Args:
             omega: frequencies of each pose (n, f) [rad/s].
         """
         (n, f), (poles, outputs, inputs) = omega.shape, self._modal
-        residues = np.swapaxes(outputs, 1, 2)[:, :, :, None] * inputs[:, :, None]
-        response = np.empty((n, f, *residues.shape[2:]), complex)
+        residues = outputs[:, :, None] * np.swapaxes(inputs, 1, 2)[:, None]
+        response = np.empty((*residues.shape[:3], f), complex)
         step = max(AT_ONCE // max(f, 1), 1)
         for begin in range(0, n, step):
             rows = slice(begin, begin + step)
-            resolvent = 1 / (1j * omega[rows, :, None] - poles[rows, None])
-            by_mode = residues[rows].reshape(*poles[rows].shape, -1)
-            response[rows] = (resolvent @ by_mode).reshape(response[rows].shape)
+            resolvent = 1 / (1j * omega[rows, None] - poles[rows, :, None])
+            by_mode = residues[rows].reshape(len(resolvent), -1, poles.shape[1])
+            response[rows] = (by_mode @ resolvent).reshape(response[rows].shape)
         for pose in np.flatnonzero(self._defective):
             matrix = 1j * omega[pose, :, None, None] * np.eye(self.A.shape[1]) - self.A[pose]
-            response[pose] = self._outputs @ np.linalg.solve(matrix, self.B[pose].astype(complex))
-        response *= self.valve(1j * omega)[:, :, None]
-        return response[:, :, : self.joints], response[:, :, self.joints :]
+            states = np.linalg.solve(matrix, self.B[pose].astype(complex))
+            response[pose] = np.moveaxis(self._outputs @ states, 0, -1)
+        response *= np.swapaxes(self.valve(1j * omega), 1, 2)[:, None]
+        moved, pressed = np.split(response, [self.joints], axis=1)
+        return np.ascontiguousarray(moved), np.ascontiguousarray(pressed)
 
 
 def loop_plant(

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array, Flags
+from armdesign.control.closed_loops import HALF
 from armdesign.control.controller import Controller
 from armdesign.control.lanes import LANES
 from armdesign.control.loop_slopes import (
@@ -27,7 +28,6 @@ from armdesign.control.loop_slopes import (
     write_size_slope,
 )
 from armdesign.control.loops import (
-    HALF,
     LoopArguments,
     LoopRoom,
     Loops,
@@ -110,7 +110,7 @@ class _Room(NamedTuple):
     @classmethod
     def of(cls, loops: Loops) -> _Room:
         """For some loops."""
-        nq, nc = loops.positions.shape[2:]
+        nq, nc = loops.positions.shape[1:3]
         shapes = (2, LANES), 2 * nq, (2 * nq, nq + nc)
         rooms = LoopRoom.of(loops), SlopeRoom.of(loops)
         indices = np.empty(nq, int), np.empty(loops.omega.shape[1], int)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.control.closed_loops import HALF
 from armdesign.control.lanes import (
     LANES,
     add_products,
@@ -25,7 +26,7 @@ from armdesign.control.lanes import (
     subtract_products,
     write_product,
 )
-from armdesign.control.loops import HALF, LoopArguments, LoopRoom, Loops
+from armdesign.control.loops import LoopArguments, LoopRoom, Loops
 from armdesign.control.margins import Room
 from armdesign.simulation.plant.compiled import within
 
@@ -50,7 +51,7 @@ class SlopeRoom(NamedTuple):
     @classmethod
     def of(cls, loops: Loops) -> SlopeRoom:
         """For some loops."""
-        nq, nc = loops.positions.shape[2:]
+        nq, nc = loops.positions.shape[1:3]
         shapes = (nc, nc), (nq, nq), (nq, nc), (nc, nc), (nc, nc), (nc, nc), ()
         made = [np.empty((*shape, LANES), complex) for shape in shapes]
         m = max(nq, nc)
@@ -104,7 +105,7 @@ def _write_solution(lower: Array, Y: Array, Z: Array) -> None:
 @within
 def _divide(values: Array, over: Array) -> None:
     """Multiply by one over a real number."""
-    for lane in range(LANES):
+    for lane in range(len(values)):
         value, factor = values[lane], over[lane].real
         values[lane] = complex(factor * value.real, factor * value.imag)
 
@@ -129,7 +130,7 @@ def _write_shifts(Y: Array, Z: Array, slopes: SlopeRoom) -> None:
             for j in range(m):
                 if j != i:
                     add_products(total, weights[i, j], shifts[1, j])
-            for lane in range(LANES):
+            for lane in range(len(total)):
                 shifts[1, i, lane] = total[lane] / weights[i, i, lane]
 
 

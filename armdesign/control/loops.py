@@ -21,14 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, ReadOnly
+from armdesign.arrays import Array, ReadOnly
+from armdesign.control.closed_loops import HALF, ClosedLoops, LoopFigures, figures_of, in_order
 from armdesign.control.controller import Controller
 from armdesign.control.lanes import LANES, add_scaled, fill, invert, write_product
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.margins import Room, largest_norms
+from armdesign.control.margins import Room
 from armdesign.simulation.plant.compiled import within
 
-HALF = math.sqrt(0.5)  # −3 dB
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
 COARSE, FINE = (8, 42, 7), (12, 100, 11)
 ABOUT = 2.5  # half the width of the frequencies about a mode, in ζω
@@ -41,8 +41,8 @@ class Loops(ReadOnly):
 
     Attributes:
         omega: frequencies, ascending (n, f) [rad/s].
-        positions: P (n, f, nq, nc).
-        pressures: Y (n, f, nc, nc) [bar].
+        positions: P (n, nq, nc, f).
+        pressures: Y (n, nc, nc, f) [bar].
         moment_arms: R (n, nc, nq).
     """
 
@@ -93,18 +93,13 @@ class Loops(ReadOnly):
 
     def returned(self, controller: Controller) -> Array:
         """I + L_c (n, f, nc, nc): what a command meets that goes once around."""
-        fed = controller.filtered(self.omega)[:, :, None] * controller.pressure[:, None]
-        opened = self._wanted(controller) @ self.positions + fed[..., None] * self.pressures
-        return np.asarray(np.eye(opened.shape[-1]) + opened)
-
-    def followed(self, controller: Controller) -> Array:
-        """T of each position loop (n, f, nq), the others closed."""
-        moved = np.linalg.solve(self.returned(controller), self._wanted(controller) + 0j)
-        return np.asarray(np.einsum("nfqc,nfcq->nfq", self.positions, moved))
-
-    def _wanted(self, controller: Controller) -> Array:
-        """R K (n, 1, nc, nq)."""
-        return (self.moment_arms * controller.position[:, None])[:, None]
+        n, nq, nc, f = self.positions.shape
+        wanted = self.moment_arms * controller.position[:, None]
+        opened = (wanted @ self.positions.reshape(n, nq, nc * f)).reshape(self.pressures.shape)
+        fed = controller.pressure[:, :, None] * controller.filtered(self.omega)[:, None]
+        opened += fed[:, :, None] * self.pressures
+        opened[:, range(nc), range(nc)] += 1
+        return np.moveaxis(opened, -1, 1)
 
     @cached_property
     def order(self) -> Array:
@@ -114,113 +109,40 @@ class Loops(ReadOnly):
     def joined(self, others: Sequence[Loops]) -> Loops:
         """The loops of the same plants at these frequencies and at those of others."""
         parts = [self, *others]
-        omegas = [each.omega for each in parts]
-        omega, positions = in_order(omegas, [each.positions for each in parts])
-        pressures = in_order(omegas, [each.pressures for each in parts])[1]
+        omega, positions = in_order([(each.omega, each.positions) for each in parts])
+        pressures = in_order([(each.omega, each.pressures) for each in parts])[1]
         return Loops(omega, positions, pressures, self.moment_arms)
 
-    def closed(self, controller: Controller) -> tuple[Array, Array, Array]:
-        """S at the commands (n, f, nc, nc) and position errors (n, f, nq, nq), P (I + L_c)⁻¹ R."""
-        S_c = np.linalg.inv(self.returned(controller))
-        closed = self.positions @ S_c @ self.moment_arms[:, None]
-        return S_c, np.eye(closed.shape[-1]) - closed * controller.position[:, None, None], closed
-
-    def responses(self, controller: Controller, S: Array, closed: Array) -> tuple[Array, Array]:
-        """Of each loop (n, f, nq), the others closed: T, and with feed-forward of the speed."""
-        own, moved = (np.diagonal(each, axis1=2, axis2=3) for each in (S, closed))
-        return 1 - own, moved * (controller.position[:, None] + 1j * self.omega[..., None])
+    def closed(self, controller: Controller) -> ClosedLoops:
+        """The loops closed by controllers."""
+        S_c = np.ascontiguousarray(np.moveaxis(np.linalg.inv(self.returned(controller)), 1, -1))
+        moved = np.einsum("nqcf,ncdf->nqdf", self.positions, S_c)
+        closed = np.swapaxes(self.moment_arms, 1, 2)[:, None] @ moved
+        K, each = controller.position, range(closed.shape[1])
+        S = np.eye(len(each))[:, :, None] - closed * K[:, None, :, None]
+        asked = closed[:, each, each] * (K[:, :, None] + 1j * self.omega[:, None])
+        return ClosedLoops(self.omega, S_c, S, asked)
 
     def figures(self, controller: Controller) -> LoopFigures:
         """Margins, bandwidths and peaks of the closed loops; 0 at poses without gains."""
-        S_c, S, closed = self.closed(controller)
-        own = np.diagonal(S, axis1=2, axis2=3)
-        followed, asked = self.responses(controller, S, closed)
-        figures = LoopFigures(
-            command_margin=1 / largest_norms(S_c - 0.5 * np.eye(S_c.shape[-1])),
-            position_margin=1 / largest_norms(S - 0.5 * np.eye(S.shape[-1])),
-            loop_margins=1 / np.abs(own - 0.5).max(axis=1),
-            bandwidth=self._bandwidths(followed),
-            command_bandwidth=self._bandwidths(asked),
-            peak=largest_norms(S),
-        )
-        closing = controller.position.all(axis=1)
-        return LoopFigures(*((values.T * closing).T for values in figures))
-
-    def _bandwidths(self, responses: Array) -> Array:
-        """Where responses (n, f, nq) fall below −3 dB first (n, nq) [rad/s].
-
-        Between two frequencies their inverse is linear, as of a lag, however far these lie apart.
-        """
-        widths = np.repeat(self.omega[:, -1:], responses.shape[2], axis=1)
-        low = np.abs(responses) < HALF
-        first = low.argmax(axis=1)
-        for pose, i in np.argwhere(low.any(axis=1)):
-            f, omega = first[pose, i], self.omega[pose]
-            if f == 0:
-                widths[pose, i] = below_all(omega, np.abs(responses[pose, 0, i]))
-                continue
-            start, end = 1 / responses[pose, f - 1 : f + 1, i]
-            way = end - start  # |start + share · way|² = 2
-            half, square = (start.conjugate() * way).real, abs(way) ** 2
-            root = math.sqrt(half**2 + square * (2 - abs(start) ** 2))
-            widths[pose, i] = omega[f - 1] + (root - half) / square * (omega[f] - omega[f - 1])
-        return widths
+        return figures_of([self.closed(controller)])
 
     def arguments(self, controller: Controller) -> LoopArguments:
         """These loops with copies of their controllers' gains, for compiled code."""
         return LoopArguments(
             self.positions,
-            controller.filtered(self.omega)[..., None, None] * self.pressures,
+            controller.filtered(self.omega)[:, None, None] * self.pressures,
             self.moment_arms,
             np.array(controller.position, dtype=float, order="C"),
             np.array(controller.pressure, dtype=float, order="C"),
         )
 
 
-def in_order(omegas: Sequence[Array], values: Sequence[Array]) -> tuple[Array, Array]:
-    """Frequencies (n, f) and values there (n, f, …) of several grids as one, ascending."""
-    omega, joined = np.concatenate(omegas, axis=1), np.concatenate(values, axis=1)
-    order, each = np.argsort(omega, axis=1, kind="stable"), np.arange(len(omega))[:, None]
-    return omega[each, order], joined[each, order]
-
-
-class LoopFigures(NamedTuple):
-    """Figures of closed loops at n poses."""
-
-    command_margin: Array  # balanced disk margin at the commands of all valves (n,)
-    position_margin: Array  # at all position errors (n,)
-    loop_margins: Array  # of each position loop with the others closed (n, nq)
-    bandwidth: Array  # of each loop, up to −3 dB (n, nq) [rad/s]
-    command_bandwidth: Array  # the same of the command's response with feed-forward (n, nq)
-    peak: Array  # of the sensitivity S of all loops (n,)
-
-    @classmethod
-    def none(cls, n: int, nq: int) -> LoopFigures:
-        """Of n poses with nq loops that have no gains."""
-        shapes = (n,), (n,), (n, nq), (n, nq), (n, nq), (n,)
-        return cls(*map(np.zeros, shapes))
-
-    def where(self, flags: Flags, other: LoopFigures) -> LoopFigures:
-        """These figures at flagged poses (n,), at the rest the figures of other controllers."""
-        pairs = zip(self, other, strict=True)
-        return LoopFigures(*(np.where(flags, one.T, two.T).T for one, two in pairs))
-
-    @property
-    def narrowest(self) -> Array:
-        """Bandwidth of the narrowest loop (n,) [rad/s]."""
-        return np.asarray(self.bandwidth.min(axis=1))
-
-    @property
-    def margin(self) -> Array:
-        """Balanced disk margin of all loops together (n,)."""
-        return np.minimum(self.command_margin, self.position_margin)
-
-
 class LoopArguments(NamedTuple):
     """Loops and their controllers, for compiled code."""
 
-    positions: Array  # P (n, f, nq, nc)
-    pressures: Array  # H Y (n, f, nc, nc)
+    positions: Array  # P (n, nq, nc, f)
+    pressures: Array  # H Y (n, nc, nc, f)
     arms: Array  # R (n, nc, nq)
     gains: Array  # K (n, nq)
     pressure_gains: Array  # c (n, nc)
@@ -247,7 +169,7 @@ class LoopRoom(NamedTuple):
     @classmethod
     def of(cls, loops: Loops) -> LoopRoom:
         """For some loops."""
-        nq, nc = loops.positions.shape[2:]
+        nq, nc = loops.positions.shape[1:3]
         shapes = (nq, nc), (nc, nc), (nc, nc), (nc, nc), (nq, nc), (nq, nq), (nq, nq), ()
         made = [np.empty((*shape, LANES), complex) for shape in shapes]
         return cls._make([np.zeros(LANES, int), *made, Room.of(nc), Room.of(nq)])
@@ -275,11 +197,11 @@ def close_loops(loops: LoopArguments, pose: int, room: LoopRoom) -> None:
 
 @within
 def _take(values: Array, which: Array, out: Array) -> None:
-    """Copy matrices (f, m, n) at some frequencies (lanes,) to (m, n, lanes)."""
-    for lane in range(LANES):
-        for i in range(out.shape[0]):
-            for j in range(out.shape[1]):
-                out[i, j, lane] = values[which[lane], i, j]
+    """Copy matrices (m, n, f) at some frequencies (lanes,) to (m, n, lanes)."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            for lane in range(LANES):
+                out[i, j, lane] = values[i, j, which[lane]]
 
 
 @within

@@ -86,36 +86,45 @@ class Room(NamedTuple):
 
 def structured_norms(matrices: Array) -> Array:
     """μ(X) (n,) of matrices (n, m, m)."""
-    return np.asarray(np.sqrt(np.linalg.eigvalsh(_squared(balanced(matrices)))[:, -1]))
+    return norms(balanced(matrices))
 
 
 def balanced(matrices: Array) -> Array:
-    """D X D⁻¹ of matrices (..., m, m)."""
-    size, squares = matrices.shape[-1], matrices.real**2 + matrices.imag**2
-    squares = np.ascontiguousarray(np.moveaxis(squares, (-2, -1), (0, 1)))
-    scale = np.ones(squares.shape[1:])  # D²
+    """D X D⁻¹ of matrices (n, m, m, …)."""
+    size, squares = matrices.shape[1], matrices.real**2 + matrices.imag**2
+    scale = np.ones(squares[:, 0].shape)  # D²
     for _ in range(SWEEPS if size > 1 else 0):
         for i in range(size):
-            row, column = squares[i] / scale, squares[:, i] * scale
-            row[i] = column[i] = TINY
-            scale[i] = np.sqrt(column.sum(axis=0) / row.sum(axis=0))  # row × d = column / d
-    d = np.moveaxis(np.sqrt(scale), 0, -1)
-    return np.asarray(matrices * (d[..., :, None] / d[..., None, :]))
+            row, column = squares[:, i] / scale, squares[:, :, i] * scale
+            row[:, i] = column[:, i] = TINY
+            scale[:, i] = np.sqrt(column.sum(axis=1) / row.sum(axis=1))  # row × d = column / d
+    d = np.sqrt(scale)
+    return np.asarray(matrices * (d[:, :, None] / d[:, None]))
 
 
-def largest_norms(matrices: Array) -> Array:
-    """The largest μ(X) (n,) of matrices (n, f, m, m)."""
-    bounds = np.sqrt(np.abs(_squared(matrices)).sum(axis=3).max(axis=2))  # μ² ≤ σ² ≤ ‖X Xᴴ‖∞
-    worst = bounds.argmax(axis=1)
-    largest = structured_norms(matrices[range(len(worst)), worst])
-    row, f = np.nonzero(bounds > largest[:, None])  # few others can exceed it
-    np.maximum.at(largest, row, structured_norms(matrices[row, f]))
+def largest_norms(matrices: Array, bounds: Array, least: Array) -> Array:
+    """The largest ‖X‖ (n,) of matrices (n, m, m, f), or the ``least`` (n,) if it is larger.
+
+    None is above its bound (n, f), so that few need to be computed.
+    """
+    largest, highest = least.copy(), bounds >= bounds.max(axis=1, initial=0.0, keepdims=True)
+    for some in (highest, ~highest):  # of which few exceed what is largest then
+        rows, f = np.nonzero(some & (bounds > largest[:, None]))
+        np.maximum.at(largest, rows, norms(matrices[rows, :, :, f]))
     return largest
 
 
-def _squared(matrices: Array) -> Array:
-    """X Xᴴ of matrices (..., m, m)."""
-    return np.asarray(matrices @ np.swapaxes(matrices, -1, -2).conj())
+def bound(matrices: Array) -> Array:
+    """What ‖X‖ does not exceed (n, …), of matrices (n, m, m, …): √(‖X‖₁ ‖X‖∞), and ‖X‖_F."""
+    sizes = np.abs(matrices)
+    by_sums = sizes.sum(axis=1).max(axis=1) * sizes.sum(axis=2).max(axis=1)
+    return np.sqrt(np.minimum(by_sums, (sizes * sizes).sum(axis=(1, 2))))
+
+
+def norms(matrices: Array) -> Array:
+    """‖X‖ (n,), the largest singular value of matrices (n, m, m)."""
+    squared = matrices @ np.swapaxes(matrices, 1, 2).conj()
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(squared)[:, -1]))
 
 
 @within
@@ -157,11 +166,11 @@ def _balance(matrix: Array, room: Room) -> None:
                 if j != i:
                     add_products(row, squares[i, j], over[j])
                     add_products(column, squares[j, i], scale[j])
-            for lane in range(LANES):
+            for lane in range(len(row)):
                 even = 1 / math.sqrt(row[lane] * column[lane])  # so that row × d = column / d
                 scale[i, lane], over[i, lane] = even * column[lane], even * row[lane]
     for i in range(m):
-        for lane in range(LANES):
+        for lane in range(len(row)):
             scale[i, lane] = math.sqrt(scale[i, lane])
             over[i, lane] = 1 / scale[i, lane]
 
@@ -204,7 +213,7 @@ def _write_pivots(room: Room, limit: float) -> None:
                 for lane in range(LANES):  # one over the diagonal is kept
                     pivot[lane] *= diagonal[lane].real
             else:
-                for lane in range(LANES):
+                for lane in range(len(pivot)):
                     positive, value = pivot[lane].real > 0.0, pivot[lane].real
                     pivot[lane] = 1 / math.sqrt(value if positive else 1.0)
                     left[lane] *= value / limit if positive else 0.0

@@ -19,6 +19,7 @@ from armdesign.control.map_parts import ControlOptions, MapPart
 from armdesign.control.own_gains import OwnGains, neighbours
 from armdesign.control.position_gains import individual
 from armdesign.control.refined_loops import refined
+from armdesign.control.stability import stability
 from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
 
 PASSES = 1  # over all poses, from what those next to each have found
@@ -101,7 +102,9 @@ def _where_decided(task: Task, tuned: Tuned, rounds: int) -> Task:
 
     A search goes where a grid has none. With no rounds these are resonances alone.
     """
-    return replace(task, loops=refined(task.plant, task.loops, tuned.controller, rounds=rounds))
+    ringing = stability(task.plant, tuned.controller).ringing
+    grid = refined(task.plant, task.loops, tuned.controller, ringing, rounds)
+    return replace(task, loops=grid.joined)
 
 
 def _logarithms(task: Task, tuned: Tuned) -> Array:

@@ -74,7 +74,7 @@ def _within(begins: Array, decay: Array) -> Array:
 def _heard(plant: LoopPlant, controller: Controller) -> Array:
     """Frequency (n,) [rad/s] beyond which no pole shows in a step, unless it decays fast."""
     loops = Loops.of(plant)
-    loud = np.abs(loops.followed(controller)).max(axis=2) > NOTABLE / SLOW_POLE
+    loud = np.abs(loops.closed(controller).followed).max(axis=1) > NOTABLE / SLOW_POLE
     return np.asarray(np.where(loud, loops.omega, 0.0).max(axis=1))
 
 
@@ -87,7 +87,7 @@ def tracking_error(plant: LoopPlant, controller: Controller) -> Array:
     """
     slowest = np.where(controller.position > 0, controller.position, np.inf).min(axis=1)
     omega = SLOW * np.where(np.isfinite(slowest), slowest, 1.0)[:, None]
-    missed = 1 - Loops.at(plant, omega).followed(controller)[:, 0]
+    missed = 1 - Loops.at(plant, omega).closed(controller).followed[:, :, 0]
     gain = np.real(1j * omega * missed.conj()) / np.maximum(np.abs(missed) ** 2, 1e-24)
     with np.errstate(divide="ignore"):
         return np.where(controller.position > 0, 1 / np.abs(gain), np.inf)

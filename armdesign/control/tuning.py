@@ -16,12 +16,13 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.control.closed_loops import LoopFigures
 from armdesign.control.controller import CORNER, Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.loop_sight import margins_hold
-from armdesign.control.loops import FINE, LoopFigures, Loops
+from armdesign.control.loops import FINE, Loops
 from armdesign.control.refined_loops import refined
-from armdesign.control.stability import stable
+from armdesign.control.stability import stability, stable
 from armdesign.units import bar
 
 LOSS_FACTORS = (
@@ -258,46 +259,39 @@ def safe(task: Task, controller: Controller, least: Tuned | None = None) -> Tune
     rows = np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
         less = _between(least.controller, controller, np.full(len(share), tried))
-        holding, loops = _keeping(task, less, rows)
-        if len(holding):
-            own = less[holding]
-            kept = kept.replaced(holding, Tuned(own, loops.figures(own)))
-            share[holding], rows = tried, np.setdiff1d(rows, holding)
+        holding, tuned = _keeping(task, less, rows)
+        kept, share[holding] = kept.replaced(holding, tuned), tried
+        rows = np.setdiff1d(rows, holding)
         if len(rows) == 0:
             break
-    if task.close < CLOSE:
-        finer = _finer(task, controller, least.controller, share)
-        own = _between(least.controller, controller, finer)
-        kept = Tuned(own, refined(task.plant, task.fine, own).figures(own))
-    return kept
+    return kept if task.close >= CLOSE else _raised(task, controller, least, kept, share)
 
 
-def _keeping(task: Task, controller: Controller, rows: Array) -> tuple[Array, Loops]:
-    """Those of some poses at which loops are stable, and keep the margin where they ring too.
-
-    And their loops, refined where their figures are decided.
-    """
+def _keeping(task: Task, controller: Controller, rows: Array) -> tuple[Array, Tuned]:
+    """Those of some poses at which loops are stable and keep the margin, and their controllers."""
     rows = rows[margins_hold(task.fine, controller, task.aim.margin, rows)]
-    rows = rows[stable(task.plant[rows], controller[rows])] if len(rows) else rows
+    found = stability(task.plant[rows], controller[rows])
+    rows, ringing = rows[found.stable], found.ringing[found.stable]
     if len(rows) == 0:
-        return rows, task.fine[rows]
+        return rows, task.resting[rows]
     own = controller[rows]
-    loops = refined(task.plant[rows], task.fine[rows], own)
-    holds = margins_hold(loops, own, task.aim.margin, np.arange(len(rows)))
-    return rows[holds], loops[holds]
+    figures = refined(task.plant[rows], task.fine[rows], own, ringing).figures
+    holds = figures.margin >= task.aim.margin
+    return rows[holds], Tuned(own, figures)[holds]
 
 
-def _finer(task: Task, controller: Controller, least: Controller, share: Array) -> Array:
-    """Shares (n,) of gains that hold, raised towards the next of ``RETREATS``, which do not."""
+def _raised(task: Task, controller: Controller, least: Tuned, kept: Tuned, share: Array) -> Tuned:
+    """Kept gains raised from their share (n,) towards the next of ``RETREATS``, which fails."""
     tried = np.array(RETREATS[::-1])
     following = np.minimum(np.searchsorted(tried, share) + 1, len(tried) - 1)
     above = np.where(share > 0, tried[following], 0.0)
     while len(rows := np.flatnonzero(above > task.close * share)):
         middle = (share + above) / 2
-        holds = np.zeros(len(share), dtype=bool)
-        holds[_keeping(task, _between(least, controller, middle), rows)[0]] = True
-        share[holds], above[rows] = middle[holds], np.where(holds, above, middle)[rows]
-    return share
+        holding, tuned = _keeping(task, _between(least.controller, controller, middle), rows)
+        kept, share[holding] = kept.replaced(holding, tuned), middle[holding]
+        lost = np.setdiff1d(rows, holding)
+        above[lost] = middle[lost]
+    return kept
 
 
 def _between(least: Controller, most: Controller, share: Array) -> Controller:
