@@ -14,7 +14,7 @@ from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.control.margins import balanced, bound, largest_norms
 
 HALF = math.sqrt(0.5)  # −3 dB
-TINY = 1e-300  # so that no response is divided by 0
+TINY = 1e-100  # so that no response is divided by 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def figures_of(parts: Sequence[ClosedLoops]) -> LoopFigures:
     widths, nq = _bandwidths(omega, responses), parts[0].S.shape[1]
     own = np.abs(responses[:, :nq] - 0.5).max(axis=2)
     figures = 1 / command, 1 / position, 1 / own, widths[:, :nq], widths[:, nq:], peak
-    closing = responses[:, :nq].any(axis=2).all(axis=1)
+    closing = (responses[:, :nq] != 0).any(axis=2).all(axis=1)
     return LoopFigures(*((values.T * closing).T for values in figures))
 
 

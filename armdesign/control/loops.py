@@ -1,4 +1,4 @@
-"""Loops in the frequency domain: margins and responses of all controllers at once.
+"""Loops in the frequency domain: of all controllers at once, opened and closed.
 
 The loops are opened at two places, and margins hold at both: at the commands of the valves,
 through which all that a controller asks for passes, and at the position errors, with the pressure

@@ -103,9 +103,9 @@ def balanced(matrices: Array) -> Array:
 
 
 def largest_norms(matrices: Array, bounds: Array, least: Array) -> Array:
-    """The largest ‖X‖ (n,) of matrices (n, m, m, f), or the ``least`` (n,) if it is larger.
+    """The largest ‖X‖ (n,) of matrices (n, m, m, f), or the ``least`` (n,) if that is larger.
 
-    None is above its bound (n, f), so that few need to be computed.
+    None exceeds its ``bound`` (n, f), so that few need to be computed.
     """
     largest, highest = least.copy(), bounds >= bounds.max(axis=1, initial=0.0, keepdims=True)
     for some in (highest, ~highest):  # of which few exceed what is largest then
@@ -115,10 +115,9 @@ def largest_norms(matrices: Array, bounds: Array, least: Array) -> Array:
 
 
 def bound(matrices: Array) -> Array:
-    """What ‖X‖ does not exceed (n, …), of matrices (n, m, m, …): √(‖X‖₁ ‖X‖∞), and ‖X‖_F."""
-    sizes = np.abs(matrices)
-    by_sums = sizes.sum(axis=1).max(axis=1) * sizes.sum(axis=2).max(axis=1)
-    return np.sqrt(np.minimum(by_sums, (sizes * sizes).sum(axis=(1, 2))))
+    """What ‖X‖ comes near and does not exceed (n, …), X (n, m, m, …): (tr (X Xᴴ)²)^¼."""
+    squared = np.einsum("nij...,nkj...->nik...", matrices, matrices.conj())
+    return np.asarray((squared.real**2 + squared.imag**2).sum(axis=(1, 2)) ** 0.25)
 
 
 def norms(matrices: Array) -> Array:

@@ -40,7 +40,7 @@ TOLERANCE = 1e-5
 MOST_STEPS = 200_000
 ROUNDS = 4  # in which openings are found where flow is not proportional to them
 NEARLY_SHUT = 1e-6  # opening
-FURTHER = 1.5  # at most, over the opening that the static load asks for
+FURTHER = 1.5  # at most, over the opening that the planned motion asks for of a stiff arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +63,11 @@ class CompensatedPlant:
         """Spool positions (n, nc) at times (n,) [s] and states."""
         pairs = list(zip(time.tolist(), self.plans, strict=True))
         speed = np.array([_at(t, instants, plan.speeds) for t, (instants, plan) in pairs])
-        static = np.array([_at(t, instants, plan.spools) for t, (instants, plan) in pairs])
+        widest = np.array([_at(t, instants, plan.widest) for t, (instants, plan) in pairs])
         way, moves = np.sign(speed), np.abs(speed) > SLOW
-        spools = np.where(moves, way, static)
+        spools = np.where(moves, way, widest)
         for _ in range(self._rounds):
-            spools = np.where(moves, self._corrected(state, spools, speed, static), static)
+            spools = np.where(moves, self._corrected(state, spools, speed, widest), widest)
         return spools
 
     @property
@@ -76,7 +76,7 @@ class CompensatedPlant:
         holding = any(actuator.load_holding for actuator in self.plant.machine.actuators)
         return ROUNDS if holding else 1
 
-    def _corrected(self, state: Array, spools: Array, speed: Array, static: Array) -> Array:
+    def _corrected(self, state: Array, spools: Array, speed: Array, widest: Array) -> Array:
         """Spools that pass the oil if flow is proportional to the opening from here on."""
         now = self.plant.evaluate(self.plant.with_spools(state, spools), spools)
         areas, way = self.plant.parameters.actuators["areas"][0], np.sign(speed)
@@ -89,7 +89,7 @@ class CompensatedPlant:
             valve = actuator.valve
             assert valve is not None
             open_now = np.maximum(np.abs(opening(valve, spools[:, i])), NEARLY_SHUT)
-            most = np.minimum(FURTHER * np.abs(opening(valve, static[:, i])), 1.0)
+            most = np.minimum(FURTHER * np.abs(opening(valve, widest[:, i])), 1.0)
             able = np.maximum(passed[:, i] * way[:, i] / open_now, 1e-12)
             wanted = (speed[:, i] - leaked[:, i]) * way[:, i]
             share_open = np.clip(wanted / able, NEARLY_SHUT, np.maximum(most, NEARLY_SHUT))

@@ -16,8 +16,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.friction import friction_force
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import Poses
-from armdesign.motion.path_limits import inflow_areas
+from armdesign.machine.poses import Poses, static_forces
+from armdesign.motion.path_limits import inflow_areas, velocity_torque
 from armdesign.simulation.plant.equilibrium import rest_states
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
@@ -31,18 +31,26 @@ class SpoolPlan(NamedTuple):
     """Spools of a plan, and what does not work."""
 
     spools: Array  # (n, nc)
+    widest: Array  # the same, or those of the load with inertia where they are open wider (n, nc)
     speeds: Array  # of the pistons (n, nc) [m/s]
     flow: Array  # of the pump (n,) [m³/s]
     too_fast: tuple[str, ...]  # actuators whose valve cannot pass the oil
     starving: tuple[str, ...]  # actuators whose load draws faster than its supply edge fills
 
 
-def spool_plan(machine: Machine, q: Array, velocity: Array) -> SpoolPlan:
-    """Spools for joint positions and speeds (n, nq) of a plan."""
+def spool_plan(
+    machine: Machine, q: Array, velocity: Array, acceleration: Array | None = None
+) -> SpoolPlan:
+    """Spools for joint positions, speeds and accelerations (n, nq) of a plan; None: steady."""
     poses, plant = machine.evaluate(machine.rigid_poses(q)), Plant(settled(machine, q[0]))
     speeds = np.einsum("ncj,nj->nc", poses.moment_arms[..., : len(machine.joints)], velocity)
     flow, moves = pump_flow(machine, speeds), np.abs(speeds) > SLOW
     steady = steady_motion(plant, poses, speeds)
+    spools = widest = np.where(moves, steady.spool, 0.0)
+    if acceleration is not None:
+        inertia = inertia_forces(machine, poses, velocity, acceleration)
+        moved = steady_motion(plant, poses, speeds, inertia).spool
+        widest = np.where(moves & (np.abs(moved) > np.abs(spools)), moved, spools)
     full = np.abs(steady.spool) > FULL
     names = [actuator.name for actuator in machine.actuators]
     faults = (
@@ -51,11 +59,25 @@ def spool_plan(machine: Machine, q: Array, velocity: Array) -> SpoolPlan:
     )
     first, last = plant.split(rest_states(plant, poses[np.array([0, -1])]))[4]
     stands = first + np.linspace(0.0, 1.0, len(q))[:, None] * (last - first)
-    return SpoolPlan(np.where(moves, steady.spool, stands), speeds, flow, *faults)
+    spools, widest = (np.where(moves, of, stands) for of in (spools, widest))
+    return SpoolPlan(spools, widest, speeds, flow, *faults)
 
 
-def steady_motion(plant: Plant, poses: Poses, speeds: Array) -> SteadyFlow:
-    """Steady flow through valves while pistons move at speeds (n, nc) [m/s] under static loads."""
+def inertia_forces(machine: Machine, poses: Poses, velocity: Array, acceleration: Array) -> Array:
+    """Forces of the pistons (n, nc) [N] that speeds and accelerations (n, nq) take."""
+    nq = velocity.shape[1]
+    torque = np.einsum("nij,nj->ni", poses.mass_matrix[:, :nq, :nq], acceleration)
+    torque += velocity_torque(machine, poses, velocity)
+    return static_forces(poses.moment_arms[..., :nq], torque, machine.bore_areas, nq)
+
+
+def steady_motion(
+    plant: Plant, poses: Poses, speeds: Array, further: Array | float = 0.0
+) -> SteadyFlow:
+    """Steady flow through valves while pistons move at speeds (n, nc) [m/s] under static loads.
+
+    And under ``further`` forces (n, nc) [N], + pushes.
+    """
     machine, moves = plant.machine, np.abs(speeds) > SLOW
     pump = machine.supply
     used = np.minimum(pump_flow(machine, speeds) / pump.flow, 1.0)
@@ -65,7 +87,7 @@ def steady_motion(plant: Plant, poses: Poses, speeds: Array) -> SteadyFlow:
         for i, actuator in enumerate(machine.actuators)
     ]
     load = Load(
-        force=poses.cylinder_forces + np.stack(rubs, axis=1) * moves,
+        force=poses.cylinder_forces + further + np.stack(rubs, axis=1) * moves,
         closed=~moves,
         supply=line[:, None],
     )

@@ -67,7 +67,7 @@ def path_limits(
     inertia = poses.mass_matrix[:, :nq, :nq] @ along
     areas = machine.bore_areas
     by_a = static_forces(arms, inertia, areas, nq)
-    by_b = static_forces(arms, _velocity_torque(machine, poses, along), areas, nq)
+    by_b = static_forces(arms, velocity_torque(machine, poses, along), areas, nq)
     rows = [
         row
         for i, actuator in enumerate(machine.actuators)
@@ -96,13 +96,13 @@ def _most(machine: Machine, travel: Array, share: float) -> Array:
         return np.asarray((share * machine.supply.flow / taken) ** 2)
 
 
-def _velocity_torque(machine: Machine, poses: Poses, along: Array) -> Array:
-    """Coriolis and centrifugal torques c(q, Δ) (n, nq) at unit σ̇."""
-    bodies, nq = RigidBodies(machine.loaded_arm), len(along)
+def velocity_torque(machine: Machine, poses: Poses, velocity: Array) -> Array:
+    """Coriolis and centrifugal torques c(q, q̇) (n, nq) at speeds (n, nq), or (nq,) everywhere."""
+    bodies, nq = RigidBodies(machine.loaded_arm), velocity.shape[-1]
     q = machine.arm.with_springs(poses.q)
-    velocity = np.zeros(q.shape)
-    velocity[:, :nq] = along
-    return (bodies.resistance(q, velocity) - bodies.resistance(q, 0 * velocity))[:, :nq]
+    speeds = np.zeros(q.shape)
+    speeds[:, :nq] = velocity
+    return (bodies.resistance(q, speeds) - bodies.resistance(q, 0 * speeds))[:, :nq]
 
 
 def _force_rows(

@@ -154,6 +154,7 @@ def _calmest(planned: Callable[[float], Move], shares: Sequence[float]) -> Move:
 def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> None:
     """Refuse a share and options out of their range, with the nearest value that works."""
     spread, settled, modes = options["spread"], options["settled"], options["modes"]
+    damping = 0.0 if options["damping"] is None else options["damping"]
     near_share, near_spread = (1 if share > 1 else 0.01), (0.9 if spread >= 1 else 0)
     for name, value, inside, allowed, remedy in (
         (
@@ -164,6 +165,7 @@ def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> Non
             f"{near_share}, as --share {near_share}",
         ),
         ("spread", spread, 0 <= spread < 1, "[0, 1)", f"{near_spread}, as --spread {near_spread}"),
+        ("damping", damping, 0 <= damping < 1, "[0, 1)", "0.02, as --damping 0.02"),
         ("settled", settled, 0 < settled < math.inf, "(0, inf) m", "a distance, as settled=0.005"),
     ):
         if not inside:
@@ -204,7 +206,7 @@ def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None, shar
     """The move without runs."""
     model, legs = way.machine, way.legs
     both = [trajectory(legs, Shaper.none()), trajectory(legs, shaper, paces)]
-    plans = [spool_plan(model, one.q, one.velocity) for one in both]
+    plans = [spool_plan(model, one.q, one.velocity, one.acceleration) for one in both]
     commands = compensated_commands(model, both, plans)
     return Move(
         machine=model,

@@ -238,7 +238,9 @@ class Shaper(ReadOnly):
             made_for = " and ".join(f"{part.low:.3g} Hz" for part in self.parts)
         periods = self.delay * self.low * math.sqrt(1 - self.of_lowest.damping**2)
         many = "s" if round(periods, 2) > 1 else ""
-        return f"{self.name} for {made_for}: delay {self.delay:.3g} s, {periods:.3g} period{many}"
+        delay = f"delay {self.delay:.3g} s, {periods:.3g} period{many}"
+        of = f" of {self.low:.3g} Hz" if self.low < self.high and not self.parts else ""
+        return f"{self.name} for {made_for}: {delay}{of}"
 
     def residual(self, frequency: ArrayLike, damping: ArrayLike | None = None) -> Array:
         """V(ω, ζ), what is left of the vibration that a step makes, at frequencies [Hz].

@@ -49,6 +49,11 @@ class Trajectory(NamedTuple):
     velocity: Array  # (n, nq) [rad/s, m/s]
 
     @property
+    def acceleration(self) -> Array:
+        """(n, nq) [rad/s², m/s²]."""
+        return np.asarray(np.gradient(self.velocity, self.time, axis=0))
+
+    @property
     def duration(self) -> float:
         """From rest to rest [s]."""
         return float(self.time[-1])

@@ -20,6 +20,7 @@ from armdesign.plots.canvas import (
     literal,
     title_of,
 )
+from armdesign.plots.machine_words import chamber
 from armdesign.units import bar, l_per_min, mm
 
 if TYPE_CHECKING:
@@ -109,6 +110,12 @@ def _moving(move: Move) -> list[int]:
     return np.flatnonzero(np.abs(move.plan.speeds).max(axis=0) > 0).tolist()
 
 
+def _kinds(move: Move) -> str:
+    """What moves, in one word."""
+    kinds = {move.machine.actuators[i].kind for i in _moving(move)}
+    return f"{kinds.pop()}s" if len(kinds) == 1 else "actuators"
+
+
 def _commands(ax: Axes, move: Move) -> None:
     names, colours = list(move.commands), actuator_colours(move.machine)
     for i in _moving(move):
@@ -130,7 +137,7 @@ def _flow(ax: Axes, move: Move) -> None:
     ax.plot(*planned, color=COMPUTED, ls="--", lw=1.2, label="planned")
     pump = move.machine.supply.flow / l_per_min
     ax.axhline(pump, color=MARK, lw=1.0, label=f"pump, {pump:.0f} l/min")
-    ax.set(xlabel="time [s]", ylabel="flow into the cylinders [l/min]", title="Flow")
+    ax.set(xlabel="time [s]", ylabel=f"flow into the {_kinds(move)} [l/min]", title="Flow")
 
 
 def _pressures(ax: Axes, move: Move) -> None:
@@ -140,7 +147,7 @@ def _pressures(ax: Axes, move: Move) -> None:
         actuator = move.machine.actuators[i]
         relief = max(relief, actuator.relief(supply) / bar)
         for side, line in ((0, "-"), (1, "--")):
-            label = f"{actuator.name}, {('cap', 'annulus')[side]}"
+            label = chamber(actuator, side)
             for run, style in ((move.shaped, {"lw": 1.4, "label": label}), (move.unshaped, FAINT)):
                 values = run.simulation.pressures[:, i, side] / bar
                 colour = colours[actuator.name]
@@ -148,7 +155,7 @@ def _pressures(ax: Axes, move: Move) -> None:
     tank = supply.return_pressure / bar
     for level, words, line in ((relief, "relief", "-."), (tank, "tank", ":")):
         ax.axhline(level, color=INK, ls=line, lw=1.0, label=f"{words}, {level:.0f} bar")
-    ax.set(xlabel="time [s]", ylabel="pressure [bar]", title="Pressures of moving cylinders")
+    ax.set(xlabel="time [s]", ylabel="pressure [bar]", title=f"Pressures of moving {_kinds(move)}")
 
 
 def _path(ax: Axes, move: Move) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import INK, MARK, figure, literal, title_of
+from armdesign.plots.machine_words import chamber
 from armdesign.units import bar, deg
 
 if TYPE_CHECKING:
@@ -54,11 +55,11 @@ def _spools(ax: Axes, simulation: Simulation) -> None:
 
 def _pressures(ax: Axes, simulation: Simulation) -> None:
     colours = actuator_colours(simulation.machine)
-    for k, name in enumerate(simulation.cylinders):
+    for k, actuator in enumerate(simulation.machine.actuators):
         for side, style in enumerate(("-", "--")):
-            label = f"{name}, {('cap', 'annulus')[side]}"
-            p = simulation.pressures[:, k, side] / bar
-            ax.plot(simulation.time, p, color=colours[name], ls=style, lw=1.4, label=label)
+            p, colour = simulation.pressures[:, k, side] / bar, colours[actuator.name]
+            label = chamber(actuator, side)
+            ax.plot(simulation.time, p, color=colour, ls=style, lw=1.4, label=label)
     supply = simulation.machine.supply
     for level, words in ((supply.pressure, "supply"), (supply.return_pressure, "return")):
         ax.axhline(level / bar, color=MARK, lw=0.9, ls=":", label=words)

@@ -48,7 +48,7 @@ def test_slow_demands_move_the_pistons_as_asked() -> None:
     plant, machine = many_plants(), rigid()
     poses = machine.at(plant.q)
     omega = np.full((len(plant), 1), 1e-2)
-    speeds = plant.moment_arms @ (1j * omega[0, 0] * plant.response(omega)[0][:, 0])
+    speeds = plant.moment_arms @ (1j * omega[0, 0] * plant.response(omega)[0][..., 0])
     turned = np.swapaxes(poses.moment_arms, 1, 2) * poses.oil_stiffness[:, None]
     expected = poses.moment_arms @ np.linalg.solve(poses.stiffness_matrix, turned)
     np.testing.assert_allclose(speeds, expected, atol=0.02)
@@ -99,11 +99,12 @@ def test_state_space_is_the_frequency_response(filter: Filter, delay: float) -> 
     system = control.ss(A[0], B[0], C, np.zeros((3, 3)))
     omega = np.geomspace(0.1, 30, 40)
     loops = Loops(omega[None], *plant.response(omega[None]), plant.moment_arms)
+    positions, pressures = (np.moveaxis(of[0], -1, 0) for of in (loops.positions, loops.pressures))
     inner = np.eye(3) + (
         (controller.pressure * controller.filtered(omega[None])[0][:, None])[:, :, None]
-        * loops.pressures[0]
+        * pressures
     )
-    opened = loops.positions[0] @ np.linalg.inv(inner) @ plant.moment_arms * controller.position
+    opened = positions @ np.linalg.inv(inner) @ plant.moment_arms * controller.position
     closed = opened @ np.linalg.inv(np.eye(3) + opened)
     theirs = system(1j * omega).transpose(2, 0, 1)
     np.testing.assert_allclose(closed, theirs, atol=1e-6)

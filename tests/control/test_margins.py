@@ -18,6 +18,8 @@ from armdesign.control.loops import FINE, Loops
 from armdesign.control.margins import (
     SWEEPS,
     Room,
+    balanced,
+    bound,
     disk_margin_for,
     gain_margin_db,
     largest_norms,
@@ -46,11 +48,22 @@ def test_the_largest_norm_is_that_of_each_matrix_alone() -> None:
         some = matrices(size)
         near = np.eye(size) * (1 + 0.1j) + 0.05 * some
         stacks = np.stack([some, near, 0.3 * some, 0 * some])
-        for stack, largest in zip(stacks, largest_norms(stacks), strict=True):
-            norms = [structured_norms(matrix[None])[0] for matrix in stack]
-            assert largest == pytest.approx(max(norms), rel=1e-12)
-            sizes = np.linalg.svd(stack, compute_uv=False)[:, 0]
-            assert largest <= sizes.max() * (1 + 1e-12)
+        alone = np.stack([np.linalg.svd(stack, compute_uv=False)[:, 0] for stack in stacks])
+        last = np.moveaxis(stacks, 1, -1)
+        assert (bound(last) >= alone * (1 - 1e-12)).all()
+        for least in (0.0, 1.2 * np.median(alone)):
+            largest = largest_norms(last, bound(last), np.full(4, least))
+            np.testing.assert_allclose(largest, np.maximum(alone.max(axis=1), least), rtol=1e-12)
+
+
+def test_matrices_are_balanced_alike_alone_and_with_others() -> None:
+    """One by one, many along the first axis, and many along the last one."""
+    for size in (1, 2, 3, 4):
+        some = matrices(size)
+        each = np.array([structured_norms(matrix[None])[0] for matrix in some])
+        np.testing.assert_allclose(structured_norms(some), each, rtol=1e-12)
+        many = np.moveaxis(balanced(np.moveaxis(some, 0, -1)[None])[0], -1, 0)
+        np.testing.assert_allclose(np.linalg.svd(many, compute_uv=False)[:, 0], each, rtol=1e-12)
 
 
 def test_6_db_and_45_deg_need_0_828() -> None:
@@ -73,7 +86,7 @@ def test_one_loop_is_python_controls() -> None:
     plant = many_plants()
     loops = Loops.of(plant)
     for pose in range(len(plant)):
-        loop = loops.positions[pose, :, :1, :1] * 0.3
+        loop = np.moveaxis(loops.positions[pose, :1, :1], -1, 0) * 0.3
         omega = loops.omega[pose]
         response = control.FrequencyResponseData(loop.transpose(1, 2, 0), omega)
         size = np.abs(1 / (1 + response(1j * omega).ravel()) - 0.5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numba
 import numpy as np
 import pytest
 
@@ -11,8 +12,13 @@ import armdesign as ad
 from armdesign.control.bandwidth_map import SCHEMES
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import loop_plant
+from armdesign.control.loop_sight import Sight
 from armdesign.control.loops import Loops
 from armdesign.control.map_parts import ControlOptions
+from armdesign.control.refined_loops import refined
+from armdesign.control.stability import stability
+from armdesign.control.tuning import Task
+from tests.control.machines import worst_plant
 
 MARGIN = ControlOptions().aim.margin
 DENSE = (60, 1500, 81)
@@ -50,3 +56,16 @@ def test_no_figure_is_better_than_on_a_dense_grid(name: str, points: int) -> Non
         assert (stated[f"{scheme}_margin"] <= 1.002 * figures.margin).all()
         assert (stated[f"{scheme}_peak"] >= figures.peak / 1.002).all()
         assert (figures.margin >= 0.999 * MARGIN).all()
+
+
+def test_loops_on_all_grids_are_compiled_once() -> None:
+    """What looks at them takes seconds to compile for each layout of its arrays."""
+    seen = set()
+    for delay in (0.0, 0.02):
+        plant = worst_plant(0.02, delay)
+        task = Task(plant, Loops.of(plant), ControlOptions().aim)
+        controller = task.common(np.full(1, 0.1), 0.0)
+        grid = refined(plant, task.fine, controller, stability(plant, controller).ringing)
+        for loops in (task.loops, task.fine, task.fine[np.array([0])], grid.joined):
+            seen.add(str(numba.typeof(Sight.of(loops, controller, 1.0, 1.0))))
+    assert len(seen) == 1

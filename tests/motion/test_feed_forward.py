@@ -99,7 +99,9 @@ def test_compensated_spools_move_a_piston_whose_force_does_not_change(
     state = find_equilibrium(plant, POSE[0]).state
     boom = lossless.cylinders[0]
     static = spool_plan(lossless, POSE, np.array([[0.1, 0.0, 0.0]]))
-    plan = SpoolPlan(np.tile(static.spools, (2, 1)), np.tile(speed, (2, 1)), np.zeros(2), (), ())
+    plan = SpoolPlan(
+        *[np.tile(static.spools, (2, 1))] * 2, np.tile(speed, (2, 1)), np.zeros(2), (), ()
+    )
     system = CompensatedPlant(plant, ((np.array([0.0, 1.0]), plan),))
     for offset in (0.0, 20.0, 60.0):  # [bar] more in the annulus, as in motion
         moved = state[None].copy()
@@ -118,7 +120,7 @@ def test_compensation_opens_half_as_far_again_at_most(lossless: ad.Machine) -> N
     """With the cap near supply pressure hardly anything flows in, however far the valve opens."""
     plant = Plant(lossless)
     static = spool_plan(lossless, POSE, np.array([[0.1, 0.0, 0.0]]))
-    plan = SpoolPlan(*(np.tile(values, (2, 1)) for values in static[:2]), np.zeros(2), (), ())
+    plan = SpoolPlan(*(np.tile(values, (2, 1)) for values in static[:3]), np.zeros(2), (), ())
     system = CompensatedPlant(plant, ((np.array([0.0, 1.0]), plan),))
     state = find_equilibrium(plant, POSE[0]).state[None].copy()
     state[:, plant.state_names.index("boom cap pressure")] = 349.9

@@ -13,6 +13,7 @@ import armdesign as ad
 from armdesign.motion.outcome import move_run
 from armdesign.report.moves import move_sheets
 from armdesign.units import bar
+from tests import machines
 from tests.simulation.plant.valve_machines import holding
 
 UP = np.radians([[-20.0, -90.0, -90.0], [20.0, -90.0, -90.0]])  # a full bucket, held
@@ -45,6 +46,19 @@ def test_a_shaped_move_rings_less_and_takes_longer_by_its_delays(swung: ad.Move)
     assert frame["lift_mm_per_s"].to_numpy() == pytest.approx(1e3 * swung.plan.speeds[:, 0])
     assert list(table["shaper"]) == ["none", "zvd"] * 3
     assert table["residual_mm"].iloc[1] == pytest.approx(1e3 * swung.shaped.residual)
+
+
+def test_a_slew_follows_as_far_as_its_inertia_asks_for() -> None:
+    """It carries no load: valves opened no wider than half as far again as rest asks for.
+
+    So it fell back by 2° while speeding up, and rang after its shaper by 80 % of the unshaped.
+    """
+    stops = np.radians([[0.0, 30.0, -90.0, -60.0], [40.0, 30.0, -90.0, -60.0]])
+    move = ad.plan_move(machines.named("slewing"), *stops, spread=0.0)
+    assert move.share == 0.7
+    assert abs(np.degrees(move.shaped.miss)).max() < 0.05
+    assert abs(np.degrees(move.unshaped.miss)).max() < 0.5
+    assert max(move.reductions) < 0.03
 
 
 def test_flow_stays_below_the_share_of_the_pump(swung: ad.Move) -> None:
@@ -107,7 +121,7 @@ def test_what_is_left_is_counted_about_the_drift(damping: float) -> None:
         ({"settled": 0.0}, r"move: settled: 0 is not in \(0, inf\) m; give"),
         ({"modes": 0}, "move: modes: 0 is not allowed: the machine has 1; give 1"),
         ({"modes": 2}, "move: modes: 2 is not allowed: the machine has 1; give 1"),
-        ({"damping": 1.2}, r"shaper zvd: damping ratio 1.2 is not in \[0, 1\)"),
+        ({"damping": 1.2}, r"move: damping: 1.2 is not in \[0, 1\)"),
         ({"payload": "none"}, "payload none"),
     ],
 )
