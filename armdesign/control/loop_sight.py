@@ -174,7 +174,8 @@ def _write_seen(sight: Sight, poses: Array, gains: Array, sloped: bool, seen: Se
         if seen.rooms[row] > -math.inf:
             _sort(sight.order[pose], room.ranks)
             _look_at_crossings(loops, pose, count, sloped, room)
-            _write_logs(sight.omega[pose], room, seen, row)
+            logs, by_logs = seen.logs[row], seen.by_logs[row]
+            _write_logs(sight.omega[pose], room.crossed, room.sizes, room.by_sizes, logs, by_logs)
 
 
 @within
@@ -191,42 +192,46 @@ def _look_at_block(sight: Sight, pose: int, start: int, seen: Seen, row: int) ->
                 room.crossed[i] = loop.which[lane]
     halve(loop.S_c, 0.5)
     halve(loop.S, 0.5)
-    if not _any_near(room, lanes, sight.limit, sight.near):
+    write_squared_norm(loop.S_c, room.norms[0])
+    write_squared_norm(loop.S, room.norms[1])
+    if not _any_near(room.norms, sight.limit, sight.near, loop.which[:lanes], room.ranks):
         return False
     write_room(loop.S_c, sight.limit, loop.command)
     write_room(loop.S, sight.limit, loop.position)
-    return _add_rooms(sight, pose, start, lanes, seen, row)
+    left, order = loop.command.left, sight.order[pose]
+    less = _less_than(sight.near, left, loop.position.left, order, start, room.ranks)
+    seen.rooms[row] += less
+    return -math.inf < less < 0.0
 
 
 @within
-def _any_near(room: _Room, lanes: int, limit: float, near: float) -> bool:
+def _any_near(norms: Array, limit: float, near: float, which: Array, ranks: Array) -> bool:
     """Whether the room may be less than ``near`` in any lane: det(I − Y Yᴴ) ≥ 1 − tr Y Yᴴ."""
-    write_squared_norm(room.loop.S_c, room.norms[0])
-    write_squared_norm(room.loop.S, room.norms[1])
     any_near = False
-    for lane in range(lanes):
-        command = 1 - room.norms[0, lane] / limit**2
-        position = 1 - room.norms[1, lane] / limit**2
+    for lane in range(len(which)):
+        command = 1 - norms[0, lane] / limit**2
+        position = 1 - norms[1, lane] / limit**2
         far = command > 0 and command * position > near
-        room.ranks[room.loop.which[lane]] = 2 if far else 1
+        ranks[which[lane]] = 2 if far else 1
         any_near |= not far
     return any_near
 
 
 @within
-def _add_rooms(sight: Sight, pose: int, start: int, lanes: int, seen: Seen, row: int) -> bool:
-    """Add how much less than ``near`` rooms are; whether any is less and none is missed."""
-    room, order, counts = sight.room, sight.order[pose], False
-    for lane in range(lanes):
-        left, f = room.loop.command.left[lane] * room.loop.position.left[lane], order[start + lane]
+def _less_than(
+    near: float, command: Array, position: Array, order: Array, start: int, ranks: Array
+) -> float:
+    """How much less than ``near`` rooms of a block are, logarithms summed; −∞: one is missed."""
+    less = 0.0
+    for lane in range(min(LANES, len(order) - start)):
+        left, f = command[lane] * position[lane], order[start + lane]
         if not left > 0.0:
-            seen.rooms[row] = -math.inf
             order[start + lane], order[0] = order[0], f
-            return False
-        if left < sight.near:
-            seen.rooms[row] += math.log(left / sight.near)
-            room.ranks[f], counts = 0, True
-    return counts
+            return -math.inf
+        if left < near:
+            less += math.log(left / near)
+            ranks[f] = 0
+    return less
 
 
 @within
@@ -287,17 +292,19 @@ def _look_at_crossings(
 
 
 @within
-def _write_logs(omega: Array, room: _Room, seen: Seen, row: int) -> None:
+def _write_logs(
+    omega: Array, crossed: Array, sizes: Array, by_sizes: Array, logs: Array, by_logs: Array
+) -> None:
     """Write logarithms of bandwidths, and their slopes."""
-    for i in range(len(room.crossed)):
-        f = room.crossed[i]
+    for i in range(len(crossed)):
+        f = crossed[i]
         if f == len(omega):
-            seen.logs[row, i] = math.log(omega[f - 1])
+            logs[i] = math.log(omega[f - 1])
             continue
-        last, size = room.sizes[2 * i], room.sizes[2 * i + 1]
-        seen.logs[row, i] = math.log(crossing(omega, f, last, size))
+        last, size = sizes[2 * i], sizes[2 * i + 1]
+        logs[i] = math.log(crossing(omega, f, last, size))
         by_last, by_size = crossing_slopes(omega, f, last, size)
-        for k in range(room.by_sizes.shape[1]):
-            seen.by_logs[row, i, k] = by_size * room.by_sizes[2 * i + 1, k]
+        for k in range(by_sizes.shape[1]):
+            by_logs[i, k] = by_size * by_sizes[2 * i + 1, k]
             if f > 0:
-                seen.by_logs[row, i, k] += by_last * room.by_sizes[2 * i, k]
+                by_logs[i, k] += by_last * by_sizes[2 * i, k]

@@ -182,7 +182,7 @@ def close_loops(loops: LoopArguments, pose: int, room: LoopRoom) -> None:
     R, K = loops.arms[pose], loops.gains[pose]
     _take(loops.positions[pose], room.which, P)
     _take(loops.pressures[pose], room.which, room.pressures)
-    _write_opened(R, K, loops.pressure_gains[pose], room)
+    _write_opened(R, K, loops.pressure_gains[pose], P, room.pressures, room.opened)
     invert(room.opened, S_c, room.factor)
     write_product(room.moved, P, S_c)
     for i in range(len(K)):
@@ -205,16 +205,16 @@ def _take(values: Array, which: Array, out: Array) -> None:
 
 
 @within
-def _write_opened(R: Array, K: Array, c: Array, room: LoopRoom) -> None:
+def _write_opened(R: Array, K: Array, c: Array, P: Array, Y: Array, out: Array) -> None:
     """Write I + L_c (nc, nc, lanes)."""
     for i in range(len(c)):
         for j in range(len(c)):
-            opened = room.opened[i, j]
+            opened = out[i, j]
             fill(opened, 1.0 if i == j else 0.0)
-            add_scaled(opened, c[i], room.pressures[i, j])
+            add_scaled(opened, c[i], Y[i, j])
             for k in range(len(K)):
                 if R[i, k] != 0.0:
-                    add_scaled(opened, R[i, k] * K[k], room.positions[k, j])
+                    add_scaled(opened, R[i, k] * K[k], P[k, j])
 
 
 @within
