@@ -15,9 +15,9 @@ Numbers: TypeAlias = Any  # a number or an array, or an interval where a bound i
 Flags: TypeAlias = NDArray[np.bool_]
 T = TypeVar("T")
 
-# poses: few enough for caches, enough that threads seldom wait for Python; a power of two would
-# put all components of a matrix onto the same lines of a cache
-CHUNK = 20_000
+# poses: few enough for the cache that two threads share, enough that these seldom wait for
+# Python; a power of two would put all components of a matrix onto the same lines of a cache
+CHUNK = 15_000
 
 
 class ReadOnly:
