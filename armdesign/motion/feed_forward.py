@@ -3,8 +3,8 @@
 By the valve's characteristic under the static load of the pose and friction at the planned speed:
 both edges of the open side, port reliefs, leakage, overlap, load-holding valves (``steady_flow``).
 The pump's pressure is the one at which it gives the sum of the flows. Spools of pistons that stand
-make up for leakage as at both ends. It says what valves can follow; ``compensation`` adds what
-pressures do that swing.
+make up for leakage as at both ends. It says what valves can follow, and how wide the planned
+inertia has them open at most; ``compensation`` adds what pressures do that swing.
 """
 
 from __future__ import annotations
