@@ -51,7 +51,7 @@ def spool_plan(
         inertia = inertia_forces(machine, poses, velocity, acceleration)
         moved = steady_motion(plant, poses, speeds, inertia).spool
         widest = np.where(moves & (np.abs(moved) > np.abs(spools)), moved, spools)
-    full = np.abs(steady.spool) > FULL
+    full = np.abs(np.where(moves, widest, steady.spool)) > FULL
     names = [actuator.name for actuator in machine.actuators]
     faults = (
         tuple(name for name, of in zip(names, rows.T, strict=True) if of.any())

@@ -80,9 +80,9 @@ def fastest_leg(machine: Machine, start: Array, end: Array, share: float) -> Leg
 def _cannot_follow(machine: Machine, leg: Leg, share: float) -> tuple[str, ...]:
     """Actuators whose valve opens not far enough, or whose spool is too slow."""
     sparse = np.linspace(0.0, leg.law.duration, POINTS)
-    sigma, speed, _ = (values[:, None] for values in leg.law.at(sparse))
+    sigma, speed, faster = (values[:, None] for values in leg.law.at(sparse))
     along = leg.end - leg.start
-    plan = spool_plan(machine, leg.start + sigma * along, speed * along)
+    plan = spool_plan(machine, leg.start + sigma * along, speed * along, faster * along)
     rates = np.abs(np.diff(plan.spools, axis=0)).max(axis=0) / (sparse[1] - sparse[0])
     slow = [
         actuator.name

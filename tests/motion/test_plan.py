@@ -61,6 +61,15 @@ def test_a_slew_follows_as_far_as_its_inertia_asks_for() -> None:
     assert max(move.reductions) < 0.03
 
 
+def test_no_valve_is_asked_for_more_than_all_of_its_opening() -> None:
+    """With all of flow and force a slew, whose valve has to speed up its inertia, takes longer."""
+    stops = np.radians([[0.0, 30.0, -90.0, -60.0], [60.0, 30.0, -90.0, -60.0]])
+    move = ad.plan_move(machines.named("slewing"), *stops, spread=0.0, share=1.0, shaper="none")
+    run = move.unshaped.simulation
+    assert np.abs(np.array(run.command)).max() < 1
+    assert abs(np.degrees(move.unshaped.miss)).max() < 0.5
+
+
 def test_flow_stays_below_the_share_of_the_pump(swung: ad.Move) -> None:
     """But for the moment arm's change while impulses of one shaper pass."""
     assert swung.plan.flow.max() <= 0.7 * swung.machine.supply.flow * (1 + 5e-3)
