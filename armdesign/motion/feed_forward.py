@@ -16,8 +16,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.friction import friction_force
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import Poses, static_forces
-from armdesign.motion.path_limits import inflow_areas, velocity_torque
+from armdesign.machine.poses import Poses
+from armdesign.motion.path_limits import inertia_forces, inflow_areas
 from armdesign.simulation.plant.equilibrium import rest_states
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.springs import settled
@@ -46,12 +46,12 @@ def spool_plan(
     speeds = np.einsum("ncj,nj->nc", poses.moment_arms[..., : len(machine.joints)], velocity)
     flow, moves = pump_flow(machine, speeds), np.abs(speeds) > SLOW
     steady = steady_motion(plant, poses, speeds)
-    spools = widest = np.where(moves, steady.spool, 0.0)
+    widest = steady.spool
     if acceleration is not None:
         inertia = inertia_forces(machine, poses, velocity, acceleration)
         moved = steady_motion(plant, poses, speeds, inertia).spool
-        widest = np.where(moves & (np.abs(moved) > np.abs(spools)), moved, spools)
-    full = np.abs(np.where(moves, widest, steady.spool)) > FULL
+        widest = np.where(np.abs(moved) > np.abs(widest), moved, widest)
+    full = np.abs(widest) > FULL
     names = [actuator.name for actuator in machine.actuators]
     faults = (
         tuple(name for name, of in zip(names, rows.T, strict=True) if of.any())
@@ -59,16 +59,8 @@ def spool_plan(
     )
     first, last = plant.split(rest_states(plant, poses[np.array([0, -1])]))[4]
     stands = first + np.linspace(0.0, 1.0, len(q))[:, None] * (last - first)
-    spools, widest = (np.where(moves, of, stands) for of in (spools, widest))
+    spools, widest = (np.where(moves, of, stands) for of in (steady.spool, widest))
     return SpoolPlan(spools, widest, speeds, flow, *faults)
-
-
-def inertia_forces(machine: Machine, poses: Poses, velocity: Array, acceleration: Array) -> Array:
-    """Forces of the pistons (n, nc) [N] that speeds and accelerations (n, nq) take."""
-    nq = velocity.shape[1]
-    torque = np.einsum("nij,nj->ni", poses.mass_matrix[:, :nq, :nq], acceleration)
-    torque += velocity_torque(machine, poses, velocity)
-    return static_forces(poses.moment_arms[..., :nq], torque, machine.bore_areas, nq)
 
 
 def steady_motion(

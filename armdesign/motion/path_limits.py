@@ -62,12 +62,9 @@ def path_limits(
     sigma, along = np.linspace(0.0, 1.0, points)[:, None], end - start
     poses = machine.at(start + sigma * along)
     nq = len(machine.joints)
-    arms = poses.moment_arms[..., :nq]
-    travel = arms @ along
-    inertia = poses.mass_matrix[:, :nq, :nq] @ along
-    areas = machine.bore_areas
-    by_a = static_forces(arms, inertia, areas, nq)
-    by_b = static_forces(arms, velocity_torque(machine, poses, along), areas, nq)
+    travel, none = poses.moment_arms[..., :nq] @ along, 0 * along
+    by_a = inertia_forces(machine, poses, none, along)
+    by_b = inertia_forces(machine, poses, along, none)
     rows = [
         row
         for i, actuator in enumerate(machine.actuators)
@@ -96,7 +93,22 @@ def _most(machine: Machine, travel: Array, share: float) -> Array:
         return np.asarray((share * machine.supply.flow / taken) ** 2)
 
 
-def velocity_torque(machine: Machine, poses: Poses, velocity: Array) -> Array:
+def inertia_forces(machine: Machine, poses: Poses, velocity: Array, acceleration: Array) -> Array:
+    """Forces on the pistons (n, nc) [N] that M q̈ + c(q, q̇) takes.
+
+    Args:
+        machine: under its load.
+        poses: n of them.
+        velocity: of the joints (n, nq), or (nq,) at all poses [rad/s, m/s].
+        acceleration: the same [rad/s², m/s²].
+    """
+    nq = velocity.shape[-1]
+    torque = (poses.mass_matrix[:, :nq, :nq] @ acceleration[..., None])[..., 0]
+    torque += _velocity_torque(machine, poses, velocity)
+    return static_forces(poses.moment_arms[..., :nq], torque, machine.bore_areas, nq)
+
+
+def _velocity_torque(machine: Machine, poses: Poses, velocity: Array) -> Array:
     """Coriolis and centrifugal torques c(q, q̇) (n, nq) at speeds (n, nq), or (nq,) everywhere."""
     bodies, nq = RigidBodies(machine.loaded_arm), velocity.shape[-1]
     q = machine.arm.with_springs(poses.q)
