@@ -10,10 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, ReadOnly
+from armdesign.arrays import Array, Flags, Numbers, ReadOnly
 from armdesign.control.margins import balanced, bound, largest_norms
+from armdesign.simulation.plant.compiled import within
 
 HALF = math.sqrt(0.5)  # −3 dB
+MATRICES = 3  # that are balanced
 TINY = 1e-100  # so that no response is divided by 0
 
 
@@ -51,9 +53,10 @@ class ClosedLoops(ReadOnly):
         return tuple(balanced(each) for each in (*halves, self.S))
 
     @cached_property
-    def bounds(self) -> Array:
-        """What the norms of these three do not exceed (n, 3, f)."""
-        return np.stack([bound(each) for each in self.balanced], axis=1)
+    def sizes(self) -> Array:
+        """Bounds of the norms of these three, and sizes of the responses (n, 3 + 2 nq, f)."""
+        bounds = np.stack([bound(each) for each in self.balanced], axis=1)
+        return np.concatenate([bounds, np.abs(self.responses)], axis=1)
 
 
 class LoopFigures(NamedTuple):
@@ -93,7 +96,7 @@ def figures_of(parts: Sequence[ClosedLoops]) -> LoopFigures:
 
     0 at poses at which a loop has no gain.
     """
-    command, position, peak = (_largest(parts, which) for which in range(3))
+    command, position, peak = (_largest(parts, which) for which in range(MATRICES))
     omega, responses = in_order([(part.omega, part.responses) for part in parts])
     widths, nq = _bandwidths(omega, responses), parts[0].S.shape[1]
     own = np.abs(responses[:, :nq] - 0.5).max(axis=2)
@@ -106,7 +109,7 @@ def _largest(parts: Sequence[ClosedLoops], which: int) -> Array:
     """The largest norm (n,) of one of the matrices that are balanced, at all frequencies."""
     largest = np.zeros(len(parts[0].omega))
     for part in parts:
-        largest = largest_norms(part.balanced[which], part.bounds[:, which], largest)
+        largest = largest_norms(part.balanced[which], part.sizes[:, which], largest)
     return largest
 
 
@@ -121,23 +124,27 @@ def in_order(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
 def _bandwidths(omega: Array, responses: Array) -> Array:
     """Where responses (n, m, f) fall below −3 dB first (n, m) [rad/s].
 
-    Between two frequencies their inverse is linear, as of a lag, however far these lie apart; and
-    below all, far below the modes, they are lags of first order.
+    Between two frequencies their inverse is linear, as of a lag, however far these lie apart.
     """
     low = np.abs(responses) < HALF
     first = low.argmax(axis=2)[..., None]
-    left, right = (
-        np.take_along_axis(omega[:, None], np.maximum(first - back, 0), 2)[..., 0]
-        for back in (1, 0)
-    )
-    start, end = (
-        1 / (np.take_along_axis(responses, np.maximum(first - back, 0), 2)[..., 0] + TINY)
-        for back in (1, 0)
-    )
+    pair = np.maximum(first - [1, 0], 0)
+    left, right = np.moveaxis(np.take_along_axis(omega[:, None], pair, 2), 2, 0)
+    before, here = np.moveaxis(np.take_along_axis(responses, pair, 2), 2, 0)
+    start, end = 1 / (before + TINY), 1 / (here + TINY)
     way = end - start  # |start + share · way|² = 2
     half, square = (start.conj() * way).real, np.abs(way) ** 2
     root = np.sqrt(np.maximum(half**2 + square * (2 - np.abs(start) ** 2), 0.0))
     between = left + (root - half) / np.maximum(square, TINY) * (right - left)
-    below = right / np.sqrt(np.maximum(np.abs(end) ** 2 - 1, TINY))
+    below = below_all(right, np.minimum(np.abs(here), HALF))
     widths = np.where(first[..., 0] > 0, between, below)
     return np.where(low.any(axis=2), widths, omega[:, -1:])
+
+
+@within
+def below_all(omega: Numbers, size: Numbers) -> Numbers:
+    """Frequency at −3 dB [rad/s] of a response of a size below it at the first frequency.
+
+    Frequencies begin far below the modes, where it is a lag of first order.
+    """
+    return omega * size / np.sqrt(1 - size**2)

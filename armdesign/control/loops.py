@@ -22,7 +22,14 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
-from armdesign.control.closed_loops import HALF, ClosedLoops, LoopFigures, figures_of, in_order
+from armdesign.control.closed_loops import (
+    HALF,
+    ClosedLoops,
+    LoopFigures,
+    below_all,
+    figures_of,
+    in_order,
+)
 from armdesign.control.controller import Controller
 from armdesign.control.lanes import LANES, add_scaled, fill, invert, write_product
 from armdesign.control.loop_plant import LoopPlant
@@ -225,15 +232,6 @@ def size_of(S: Array, i: int, lane: int) -> float:
 
 
 @within
-def below_all(omega: Array, size: float) -> float:
-    """Frequency at −3 dB [rad/s] of a response of a size below it at the first frequency.
-
-    Frequencies begin far below the modes, where it is a lag of first order.
-    """
-    return float(omega[0] * size / math.sqrt(1 - size**2))
-
-
-@within
 def crossing(omega: Array, f: int, last: float, size: float) -> float:
     """Frequency at which a response falls to −3 dB [rad/s], of frequencies omega (f,).
 
@@ -241,7 +239,7 @@ def crossing(omega: Array, f: int, last: float, size: float) -> float:
     them it is straight on logarithmic scales, which is near enough for a search.
     """
     if f == 0:
-        return below_all(omega, size)
+        return float(below_all(omega[0], size))
     share = math.log(last / HALF) / math.log(last / size)
     return float(omega[f - 1] * (omega[f] / omega[f - 1]) ** share)
 

@@ -84,11 +84,6 @@ class Room(NamedTuple):
         return cls._make([*made, *real])
 
 
-def structured_norms(matrices: Array) -> Array:
-    """μ(X) (n,) of matrices (n, m, m)."""
-    return norms(balanced(matrices))
-
-
 def balanced(matrices: Array) -> Array:
     """D X D⁻¹ of matrices (n, m, m, …)."""
     size, squares = matrices.shape[1], matrices.real**2 + matrices.imag**2

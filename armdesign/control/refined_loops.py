@@ -13,7 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.closed_loops import HALF, ClosedLoops, LoopFigures, figures_of, in_order
+from armdesign.control.closed_loops import (
+    HALF,
+    MATRICES,
+    ClosedLoops,
+    LoopFigures,
+    figures_of,
+    in_order,
+)
 from armdesign.control.controller import Controller
 from armdesign.control.loop_plant import LoopPlant
 from armdesign.control.loops import Loops
@@ -61,12 +68,12 @@ def refined(
 
 def _middles(closed: list[ClosedLoops]) -> Array:
     """Middles (n, m) [rad/s] of gaps of the grid in which figures are decided."""
-    omega, sizes = in_order([(part.omega, part.bounds) for part in closed])
-    levels = in_order([(part.omega, np.abs(part.responses)) for part in closed])[1]
+    omega, sizes = in_order([(part.omega, part.sizes) for part in closed])
+    bounds, levels = np.split(sizes, [MATRICES], axis=1)
     first = (levels < HALF).argmax(axis=2)[..., None]
     before = (np.arange(omega.shape[1]) < first) | (first == 0)
     dips = np.where(before, -levels, -np.inf)
-    parts = _beside(sizes, PEAKS), _beside(dips, DIPS), first - 1
+    parts = _beside(bounds, PEAKS), _beside(dips, DIPS), first - 1
     gaps = np.concatenate([part.reshape(len(omega), -1) for part in parts], axis=1)
     wanted = np.zeros(omega.shape, dtype=bool)
     np.put_along_axis(wanted, gaps.clip(0, omega.shape[1] - 2), True, axis=1)

@@ -68,7 +68,7 @@ def _about(plant: LoopPlant, poles: Array) -> Array:
     rows = np.argsort(ratio, axis=1)[:, : 4 * plant.frequencies.shape[1] : 2]  # one of each pair
     peaks, wide = (np.take_along_axis(of, rows, axis=1) for of in (np.abs(poles), ratio))
     wide = np.clip(np.abs(wide), 0.0, 0.5)[:, :, None] * AROUND
-    about = np.concatenate(np.moveaxis(peaks[:, :, None] * (1 + wide), 2, 0), axis=1)
+    about = (peaks[:, :, None] * (1 + wide)).reshape(len(plant), rows.shape[1] * len(AROUND))
     return np.asarray(np.clip(about, low[:, None], high[:, None]))
 
 
