@@ -45,7 +45,7 @@ class Schemes:
     def of(cls, task: Task) -> Schemes:
         """Of a task, each pose searched from common gains, then from its neighbours'."""
         simple = proportional(task)
-        alone = individual(task, simple)
+        alone = individual(task, simple).or_wider(simple)
         common = damped(task).or_wider(simple)
         start, near = _logarithms(task, common), neighbours(task.plant.q)
         own = searched(task, start, start[:, None]).or_wider(common)

@@ -37,6 +37,7 @@ class Actuator(ABC):
     """
 
     kind: ClassVar[str]  # "cylinder" or "motor"
+    chambers: ClassVar[tuple[str, str]] = SIDES  # in words
 
     name: str
     count: int = 1
@@ -70,6 +71,10 @@ class Actuator(ABC):
         stroke: Numbers = None,
     ) -> tuple[Numbers, Numbers]:
         """Oil in cap and annulus chamber [m³] at an extension [m]."""
+
+    def chamber(self, side: int) -> str:
+        """One of its two chambers in words: "boom's cap"."""
+        return f"{self.name}'s {self.chambers[side]}"
 
     def relief(self, supply: Supply) -> float:
         """Pressure at which its port reliefs open [Pa]; inf without a valve."""
@@ -236,6 +241,7 @@ class Motor(Actuator):
     """
 
     kind: ClassVar[str] = "motor"
+    chambers: ClassVar[tuple[str, str]] = ("side a", "side b")
 
     joint: str
     displacement: float

@@ -140,9 +140,8 @@ def _of_valve(inspection: Inspection, load: StaticLoad, units: Units) -> Iterato
     actuator, supply = inspection.machine.actuators[load.cylinder], inspection.machine.supply
     part, holding = f"{actuator.kind}.{actuator.name}", actuator.load_holding
     relief = actuator.relief(supply)
-    for side, largest in zip(SIDES, load.largest, strict=True):
-        named = f"under {load.payload} the {side.replace('annulus', 'rod')} side"
-        needs = f"{named} needs {units.text(largest, 'Pa')}"
+    for side, chamber, largest in zip(SIDES, actuator.chambers, load.largest, strict=True):
+        needs = f"under {load.payload} its {chamber} needs {units.text(largest, 'Pa')}"
         if largest > relief:
             way = f"opens at {units.text(relief, 'Pa')} and cannot hold that: the load gives way"
             yield f"{part}.valve.relief_bar", f"{needs} to stand still; its relief {way}"
@@ -156,8 +155,8 @@ def _of_pressure(inspection: Inspection, load: StaticLoad, units: Units) -> Iter
     """A load near or beyond what the supply holds."""
     machine, actuator = inspection.machine, inspection.machine.actuators[load.cylinder]
     limit = share_of(machine.section.requirements.holding_share, actuator.name)
-    named = f"under {load.payload} the {'cap' if load.cap else 'rod'} side"
-    needs = f"{named} needs {units.text(load.pressure, 'Pa')} to stand still"
+    chamber, pressure = actuator.chambers[not load.cap], units.text(load.pressure, "Pa")
+    needs = f"under {load.payload} its {chamber} needs {pressure} to stand still"
     words = f"more than the supply's {units.text(machine.supply.pressure, 'Pa')} can hold"
     if load.share <= 1:
         share = f"{100 * load.share:.0f} % of what supply pressure holds"

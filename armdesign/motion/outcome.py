@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
-from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
@@ -123,11 +122,11 @@ def move_run(
 def _refilled(run: Simulation, count: int) -> dict[str, int]:
     """How often chambers filled again within the first instants, to more than return pressure."""
     full, times = max(run.machine.supply.return_pressure, bar), {}
-    for i, name in enumerate(run.cylinders):
-        for side, pressure in zip(SIDES, run.pressures[:count, i].T, strict=True):
+    for i, actuator in enumerate(run.machine.actuators):
+        for side, pressure in enumerate(run.pressures[:count, i].T):
             sign = np.where(pressure <= VAPOUR_PRESSURE, -1, np.where(pressure >= full, 1, 0))
             if often := int((np.diff(sign[sign != 0]) > 0).sum()):
-                times[f"{name}'s {side}"] = often
+                times[actuator.chamber(side)] = often
     return times
 
 

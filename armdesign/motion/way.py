@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.machine import Machine
 from armdesign.motion.trajectory import Leg
 from armdesign.motion.trapped_oil import pressures_along
@@ -70,7 +69,7 @@ def way_modes(machine: Machine, legs: Sequence[Leg]) -> WayModes:
     count = min(len(damping), *(one.shape[1] for one in on_legs))
     frequencies = np.array([one[:, :count] for one in on_legs])
     empty = tuple(
-        f"{machine.actuators[i].name}'s {SIDES[side]}"
+        machine.actuators[i].chamber(side)
         for side, i in np.argwhere(pressures[-1] <= VAPOUR_PRESSURE)
     )
     return WayModes(machine, legs, frequencies, damping[:count], empty)

@@ -16,16 +16,8 @@ from armdesign.plots.labels import Label
 from armdesign.units import WORKSHOP, mm
 
 if TYPE_CHECKING:
-    from armdesign.hydraulics.actuator import Actuator
     from armdesign.machine.machine import Machine
     from armdesign.plots.canvas import Axes
-
-CHAMBERS = {"cylinder": ("cap", "annulus"), "motor": ("a", "b")}
-
-
-def chamber(actuator: Actuator, side: int) -> str:
-    """An actuator and one of its two chambers."""
-    return f"{actuator.name}, {CHAMBERS[actuator.kind][side]}"
 
 
 def pose_words(machine: Machine, view: SideView) -> str:

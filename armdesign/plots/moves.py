@@ -20,7 +20,6 @@ from armdesign.plots.canvas import (
     literal,
     title_of,
 )
-from armdesign.plots.machine_words import chamber
 from armdesign.units import bar, l_per_min, mm
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ def _pressures(ax: Axes, move: Move) -> None:
         actuator = move.machine.actuators[i]
         relief = max(relief, actuator.relief(supply) / bar)
         for side, line in ((0, "-"), (1, "--")):
-            label = chamber(actuator, side)
+            label = actuator.chamber(side)
             for run, style in ((move.shaped, {"lw": 1.4, "label": label}), (move.unshaped, FAINT)):
                 values = run.simulation.pressures[:, i, side] / bar
                 colour = colours[actuator.name]

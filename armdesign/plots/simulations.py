@@ -8,7 +8,6 @@ import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import INK, MARK, figure, literal, title_of
-from armdesign.plots.machine_words import chamber
 from armdesign.units import bar, deg
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def _pressures(ax: Axes, simulation: Simulation) -> None:
     for k, actuator in enumerate(simulation.machine.actuators):
         for side, style in enumerate(("-", "--")):
             p, colour = simulation.pressures[:, k, side] / bar, colours[actuator.name]
-            label = chamber(actuator, side)
+            label = actuator.chamber(side)
             ax.plot(simulation.time, p, color=colour, ls=style, lw=1.4, label=label)
     supply = simulation.machine.supply
     for level, words in ((supply.pressure, "supply"), (supply.return_pressure, "return")):

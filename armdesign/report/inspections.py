@@ -180,8 +180,7 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
     rows = []
     for load in inspection.loads:
         actuator = inspection.machine.actuators[load.cylinder]
-        name, sides = actuator.name, ("cap", "rod") if actuator.kind == "cylinder" else ("a", "b")
-        side = sides[not load.cap]
+        name, side = actuator.name, actuator.chambers[not load.cap]
         share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
         rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))
     return Sheet(

@@ -42,12 +42,10 @@ def events(
         ends = np.isfinite(cylinder.stroke)
         yield from _event(time, (place < 0) & ends, f"{name} reached its inner stop")
         yield from _event(time, np.abs(spool[:, i]) >= FULL, f"{name}'s spool was fully open")
-        for k, side in enumerate(("cap", "annulus")):
-            yield from _event(
-                time, pressure[:, k, i] < VAPOUR_PRESSURE, f"{name}'s {side} cavitated"
-            )
+        for k, chamber in enumerate(map(cylinder.chamber, (0, 1))):
+            yield from _event(time, pressure[:, k, i] < VAPOUR_PRESSURE, f"{chamber} cavitated")
             limit = relief[i]
-            words = f"the relief of {name}'s {side} was open above {limit / bar:.0f} bar"
+            words = f"the relief of {chamber} was open above {limit / bar:.0f} bar"
             yield from _event(time, pressure[:, k, i] > limit, words)
         rated = cylinder.valve.rated_flow if cylinder.valve else 0.0
         back = supplied[:, i].min(axis=1) < -BACKWARDS * rated

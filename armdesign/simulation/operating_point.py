@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags
 from armdesign.errors import SimulationError, choose
-from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.poses import Poses, pose_text, static_forces
 from armdesign.mechanism.arm import RigidPoses
 from armdesign.simulation.plant import slopes
@@ -298,9 +297,9 @@ class _Steady:
         if not len(stuck):
             return "no speed of the pistons at which forces are in balance"
         i = int(stuck[0])
-        name, cap, annulus = machine.actuators[i].name, flow.cap[row, i], flow.annulus[row, i]
+        actuator, cap, annulus = machine.actuators[i], flow.cap[row, i], flow.annulus[row, i]
         if min(cap, annulus) <= LOWEST + bar:
-            return f"vapour would fill {name}'s {SIDES[int(annulus < cap)]}"
+            return f"vapour would fill {actuator.chamber(annulus < cap)}"
         if abs(flow.spool[row, i]) > 1 - 1e-9:
-            return f"{name}'s valve, fully open, passes less"
-        return f"{name}'s reliefs open under its load"
+            return f"{actuator.name}'s valve, fully open, passes less"
+        return f"{actuator.name}'s reliefs open under its load"

@@ -241,8 +241,9 @@ class Simulation(ReadOnly):
 
     def _cavitated(self, inside: Array) -> Iterator[str]:
         time, empty = self.time[inside], self.pressures[inside] < VAPOUR_PRESSURE
-        for i, name in enumerate(self.cylinders):
-            for k, side in enumerate(SIDES):
-                when = time[empty[:, i, k]]
+        for i, actuator in enumerate(self.machine.actuators):
+            for side in range(2):
+                when = time[empty[:, i, side]]
                 if len(when):
-                    yield f"{name}'s {side} cavitated between {when[0]:.3g} and {when[-1]:.3g} s"
+                    between = f"between {when[0]:.3g} and {when[-1]:.3g} s"
+                    yield f"{actuator.chamber(side)} cavitated {between}"

@@ -43,7 +43,7 @@ CASES = [
     (
         {"supply.pressure_bar": 150},
         "cylinder.boom",
-        r"under full the cap side needs 19\d bar to stand still, more than",
+        r"under full its cap needs 19\d bar to stand still, more than",
     ),
     (
         {"supply.pressure_bar": 210},

@@ -85,14 +85,17 @@ def synthetic(amplitude: float, slope: float, damping: float) -> Any:
     ring = amplitude * np.exp(-2 * np.pi * damping * since) * np.cos(2 * np.pi * since)
     tool = np.stack([1 + slope * since, 0 * time, 2 + ring], axis=1)
     supply = SimpleNamespace(return_pressure=5 * bar)
-    machine = SimpleNamespace(payload=SimpleNamespace(mass=7.0), supply=supply)
+    actuators = ad.load("paper_1dof").actuators  # one, "lift"
+    machine = SimpleNamespace(
+        payload=SimpleNamespace(mass=7.0), supply=supply, actuators=actuators
+    )
     spool = np.where(time < 1.0, 0.5, 0.0)[:, None]
     q = np.full((len(time), 1), 0.3)
     # The cap fills from vapour once, and again after it had filled to 3 bar alone; then at rest.
     cap = np.array([5.0, 5.0, -0.9, 6.0, 6.0, -0.9, 3.0, -0.9, 9.0, 9.0, -0.9, 9.0]) * bar
     cap = cap[np.minimum(10 * time, 11).astype(int)]
     pressures = np.stack([cap, np.full(len(time), 20 * bar)], axis=1)[:, None]
-    state = {"q": q, "pressures": pressures, "cylinders": ("lift",)}
+    state = {"q": q, "pressures": pressures}
     return SimpleNamespace(time=time, tool=tool, spool=spool, machine=machine, **state)
 
 

@@ -64,8 +64,8 @@ def test_a_simulation_is_drawn() -> None:
     run = simulation()
     joints, spools, pressures, path = run.plot().axes
     lines: dict[str, Any] = {line.get_label(): line for line in pressures.lines}
-    np.testing.assert_allclose(lines["lift, cap"].get_ydata(), run.pressures[:, 0, 0] / 1e5)
-    np.testing.assert_allclose(lines["lift, annulus"].get_ydata(), run.pressures[:, 0, 1] / 1e5)
+    np.testing.assert_allclose(lines["lift's cap"].get_ydata(), run.pressures[:, 0, 0] / 1e5)
+    np.testing.assert_allclose(lines["lift's annulus"].get_ydata(), run.pressures[:, 0, 1] / 1e5)
     np.testing.assert_allclose(spools.lines[0].get_ydata(), 100 * run.spool[:, 0])
     moved = np.degrees(run.q[:, 0] - run.q[0, 0])
     np.testing.assert_allclose(joints.lines[0].get_ydata(), moved)

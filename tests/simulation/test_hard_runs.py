@@ -56,6 +56,14 @@ def test_into_the_end_stop(excavator: Machine) -> None:
     )
 
 
+def test_a_slew_that_is_stopped_at_once() -> None:
+    """Its inertia empties the side that drove it, and opens the relief of the other."""
+    turn = {"swing": lambda t: 0.9 if t < 0.6 else 0.0}
+    level = (0.0, 0.0, -1.57, -1.57)
+    run = simulate(machines.named("slewing"), level, turn, duration=1.0, tolerance=1e-7)
+    assert_events(run, "swing's side a cavitated at 0.6", "relief of swing's side b was open")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("compliance", [3e-8, 4e-8])
 def test_out_of_a_stop_with_compliance(excavator: Machine, compliance: float) -> None:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Numbers
 from armdesign.errors import PoseError, SimulationError
-from armdesign.hydraulics.actuator import SIDES, Actuator, Motor
+from armdesign.hydraulics.actuator import Actuator, Motor
 from armdesign.hydraulics.fluid import Supply
 from armdesign.hydraulics.oil_spring import BELOW_RELIEF, preloaded_pressures
 from armdesign.machine.poses import Poses
@@ -320,10 +320,10 @@ def _overcome(
     relief, largest = actuator.relief(supply), max(pressures)
     if largest <= relief:
         return ""
-    side = SIDES[int(np.argmax(pressures))]
+    chamber = actuator.chamber(int(np.argmax(pressures)))
     load = f"{abs(force) / kN:.3g} {'kN m' if isinstance(actuator, Motor) else 'kN'}"
     return (
-        f"the relief of {actuator.name}'s {side} cannot hold {load}: that needs"
+        f"the relief of {chamber} cannot hold {load}: that needs"
         f" {largest / bar:.0f} bar, it opens at {relief / bar:.0f} bar"
     )
 
