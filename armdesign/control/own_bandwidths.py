@@ -1,30 +1,32 @@
 """Controllers of all rows of a bandwidth map; the rows with the lowest bandwidth searched longest.
 
 Gains of their own are searched at every pose from the common gains, then from what has been found
-there and at the poses next to it, on a grid of frequencies that has the resonances of the loops
-found. The row with the least bandwidth is then searched from ``STARTS`` starts about all
-these, until the lowest of the map is one that has been searched so ``SEARCHES`` times. It is still
-a lower bound, as any search finds.
+there and at the poses next to it, each time on the path's next part and a grid of frequencies that
+has the resonances of the loops found. On the last part the grid grows at each pose until the loops
+keep the margin between its frequencies too, and are as fast as they are on it. The row
+with the least bandwidth is then searched from ``STARTS`` starts about all these, until the lowest
+of the map is one that has been searched so ``SEARCHES`` times. It is still a lower bound, as any
+search finds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.control.controller import Controller
 from armdesign.control.map_parts import ControlOptions, MapPart
 from armdesign.control.own_gains import OwnGains, neighbours
 from armdesign.control.position_gains import individual
-from armdesign.control.refined_loops import refined
-from armdesign.control.stability import stability
-from armdesign.control.tuning import Task, Tuned, damped, proportional, safe
+from armdesign.control.tuning import Task, Tuned, damped, keeping, proportional, safe
 
-PASSES = 1  # over all poses, from what those next to each have found
+ALONE, BESIDE, LAST = (0.02, 0.01), (0.01, 3e-3), (3e-3, 1e-4)  # of the path in ``own_gains``
+GROWTHS = 4  # of a grid on the last part, at most
+AS_SEEN = 0.99  # of the bandwidth on a grid that loops have on a finer one, if it need not grow
 SEARCHES, STARTS = 2, 128  # of the lowest row, and the starts of each
-ROUNDS = 0, 1  # of halving where loops found decide: of all rows, and of the lowest row
 LEADERS = 2, 16  # of the starts of all rows, and of the lowest row, that are followed to the end
 AROUND = 0.8  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
@@ -48,12 +50,9 @@ class Schemes:
         alone = individual(task, simple).or_wider(simple)
         common = damped(task).or_wider(simple)
         start, near = _logarithms(task, common), neighbours(task.plant.q)
-        own = searched(task, start, start[:, None]).or_wider(common)
-        for _ in range(PASSES):
-            x = _logarithms(task, own)
-            starts = np.concatenate([x[:, None], x[near]], axis=1)
-            again = searched(_where_decided(task, own, ROUNDS[0]), start, starts, LEADERS[0])
-            own = again.or_wider(own)
+        x = OwnGains(task, ALONE).found(start, start[:, None])
+        starts = np.concatenate([x[:, None], x[near]], axis=1)
+        own = searched(task, x, start, starts, LEADERS[0]).or_wider(common)
         return cls(simple, alone, common, own.or_wider(alone), start, _logarithms(task, own))
 
 
@@ -81,30 +80,44 @@ def _raise_lowest(
         around = np.concatenate([start[[row]], x[[row]], x[near[row]]])
         starts = np.resize(around, (STARTS, x.shape[1]))
         starts = starts + AROUND * random.standard_normal(starts.shape)
-        again = searched(
-            _where_decided(task, each.own[one], ROUNDS[1]), start[[row]], starts[None], LEADERS[1]
-        )
+        again = searched(task, x[[row]], start[[row]], starts[None], LEADERS[1])
         searches[row] += 1
         if again.figures.narrowest[0] > width[row]:
             width[row], x[row] = again.figures.narrowest[0], _logarithms(task, again)[0]
             each.own = each.own.replaced(one, again)
 
 
-def searched(task: Task, within: Array, starts: Array, leaders: int = 1) -> Tuned:
-    """Controllers (n) with own gains, see ``OwnGains.improve``; 0 where none are found."""
-    found = OwnGains(task)
-    found.improve(within, starts, leaders)
-    return safe(task, found.controller(task))
+def searched(task: Task, x: Array, within: Array, starts: Array, leaders: int = 1) -> Tuned:
+    """Controllers (n) with own gains, 0 where none are found.
 
-
-def _where_decided(task: Task, tuned: Tuned, rounds: int) -> Task:
-    """The task on a grid with the frequencies that decide for loops found on another.
-
-    A search goes where a grid has none. With no rounds these are resonances alone.
+    Args:
+        task: their loops.
+        x: logarithms of known gains (n, nq + nc): the grid has the frequencies that decide them.
+        within: see ``OwnGains.found``.
+        starts: see there.
+        leaders: see there.
     """
-    ringing = stability(task.plant, tuned.controller).ringing
-    grid = refined(task.plant, task.loops, tuned.controller, ringing, rounds)
-    return replace(task, loops=grid.joined)
+    grown, left, found = task.grown(_with_gains(task, x)), np.arange(len(x)), task.resting
+    x = OwnGains(grown, BESIDE).found(within, starts, leaders)
+    for _ in range(GROWTHS):
+        grown, width = grown.grown(_with_gains(grown, x[left])), np.zeros(len(x))
+        search = OwnGains(grown, LAST)
+        x[left] = search.found(x[left], x[left][:, None])
+        holding, tuned = keeping(task, _with_gains(task, x), left)
+        width[holding] = tuned.figures.narrowest
+        found = found.replaced(holding, tuned.or_wider(found[holding]))
+        on = width[left] < AS_SEEN * search.narrowest(x[left])
+        left, grown = left[on], grown[on]
+        if len(left) == 0:
+            return found
+    nothing = found.figures.narrowest == 0
+    rest = safe(task[nothing], _with_gains(task, x)[nothing])
+    return found.replaced(np.flatnonzero(nothing), rest)
+
+
+def _with_gains(task: Task, x: Array) -> Controller:
+    """The controllers of gains of logarithms x (n, nq + nc)."""
+    return task.controller(*np.split(np.exp(x), [task.plant.joints], axis=1))
 
 
 def _logarithms(task: Task, tuned: Tuned) -> Array:

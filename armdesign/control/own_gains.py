@@ -11,7 +11,7 @@ barrier; Y the balanced ½(S − T), see ``margins``), less what it would be at 
 ample room. Slopes are exact, see ``loop_slopes``. As τ falls, x follows a path between all limits
 to where the loops are fastest (Boyd, Vandenberghe 2004, chapter 11), up to gains that none near
 them exceed. Others far away may be better: what is found is a lower bound. All poses climb
-at once.
+at once. The path may be followed in parts, and the grid of frequencies grow between them.
 """
 
 from __future__ import annotations
@@ -25,15 +25,14 @@ from armdesign.arrays import Array
 from armdesign.control.loop_sight import Seen, Sight
 
 if TYPE_CHECKING:
-    from armdesign.control.controller import Controller
     from armdesign.control.tuning import Task
 
-SPARE = 1.015  # of the margin, for what lies between the frequencies of a grid
-SHARES = (0.9, 0.7, 0.5, 0.3, 0.1)  # of gains that leave loops stable, of which one may hold
-WAY = (0.0, 0.3, 0.6, 0.9, 1.0)  # shares of the way from there to a start
+SPARE = 1.001  # of the margin, for what lies between the frequencies of a grid
+SHARES = (0.97, 0.9, 0.7, 0.5, 0.3, 0.1)  # of gains that leave loops stable, of which one may hold
+WAY = (0.0, 0.3, 0.6, 0.9, 0.97, 1.0)  # shares of the way from there to a start
 MOST = math.log(3.0)  # κ and η: beyond, a loop may be unstable above all frequencies of a grid
 NEIGHBOURS = 4
-FIRST, LAST, FALL = 0.02, 1e-3, 0.4  # τ of the path, of log bandwidths, and its falls
+PATH, FALL = (0.02, 1e-4), 0.4  # first and last τ of the path, of log bandwidths, and its falls
 STEPS, RACE = 50, 2  # of a path, and of a race
 LONGEST, SHORTEST, ANEW = 0.5, 2e-3, 0.1  # steps of logarithms that are trusted
 GOOD, POOR, SHORTER = 0.6, 0.3, 1 / 3  # shares of a promised gain, and how much less is trusted
@@ -43,22 +42,24 @@ FAR = 3.0  # factor by which rooms that count are less than the room of open loo
 
 
 class OwnGains:
-    """Gains of their own at n poses, as they are found.
+    """Search of gains of their own at n poses.
 
-    Attributes:
-        x: logarithms of κ and η (n, nq + nc).
-        scores: how wide the loops are (n,); −∞ where no gains are known.
+    Args:
+        task: the loops, on a grid of frequencies.
+        path: first and last τ of the part of the path that is followed.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, path: tuple[float, float] = PATH) -> None:
+        self._first, self._last = path
         units, limit = task.controller(*map(np.ones, task.shapes)), 1 / (SPARE * task.aim.margin)
         self._units = np.concatenate([units.position, units.pressure], axis=1)
         near = max(1 - 0.25 / limit**2, 1e-9) ** self._units.shape[1] / FAR
         self._sight = Sight.of(task.loops, units, limit, near)
-        self.x, self.scores = np.zeros(self._units.shape), np.full(len(self._units), -np.inf)
 
-    def improve(self, within: Array, starts: Array, leaders: int = 1) -> None:
-        """Search at all poses from the best of starts, if need be after a race of a few steps.
+    def found(self, within: Array, starts: Array, leaders: int = 1) -> Array:
+        """Logarithms of κ and η (n, nq + nc) from the best of starts.
+
+        If need be after a race of a few steps. −∞ where nothing is found.
 
         Args:
             within: logarithms of gains that leave the loops stable (n, nq + nc). A start is
@@ -78,7 +79,14 @@ class OwnGains:
         rows = rows[np.isfinite(scores[rows])]
         x, scores = self._climb(poses[rows], x[rows], STEPS)
         order = np.argsort(scores, kind="stable")  # the best of a pose is written last
-        self.x[poses[rows[order]]], self.scores[poses[rows[order]]] = x[order], scores[order]
+        best_of_pose = np.full(within.shape, -np.inf)
+        best_of_pose[poses[rows[order]]] = x[order]
+        return best_of_pose
+
+    def narrowest(self, x: Array) -> Array:
+        """Bandwidth of the narrowest loop (n,) [rad/s] of gains with logarithms x."""
+        seen = self._look(np.arange(len(x)), x, sloped=False)
+        return np.asarray(np.exp(seen.logs.min(axis=1)))
 
     def _inside(self, x: Array) -> Array:
         """The largest shares of gains that hold, logarithms (n, nq + nc); NaN where none does."""
@@ -98,21 +106,15 @@ class OwnGains:
             tried = begin[rows] + share * (end[rows] - begin[rows])
             seen = self._look(poses[rows], tried, sloped=False)
             rows, holding = rows[seen.holds], seen.at(seen.holds)
-            x[rows], scores[rows] = tried[seen.holds], holding.score(LAST)
+            x[rows], scores[rows] = tried[seen.holds], holding.score(self._last)
         return x, scores
-
-    def controller(self, task: Task) -> Controller:
-        """The controllers found (n); gains 0 where none are."""
-        gains = np.where(np.isfinite(self.scores)[:, None], np.exp(self.x), 0.0)
-        nq = task.plant.joints
-        return task.controller(gains[:, :nq], gains[:, nq:])
 
     def _climb(self, poses: Array, x: Array, most: int) -> tuple[Array, Array]:
         """The best gains on the paths from x (m, nq + nc), in so many steps; scores (m,)."""
         m = len(poses)
         seen, steps = self._look(poses, x), 0
-        top, best, x = x.copy(), seen.score(LAST), x.copy()
-        tau, trust, rows = np.full(m, FIRST), np.full(m, LONGEST), np.arange(m)
+        top, best, x = x.copy(), seen.score(self._last), x.copy()
+        tau, trust, rows = np.full(m, self._first), np.full(m, LONGEST), np.arange(m)
         while len(rows) and steps < most:
             slope, curvature = seen.model(tau[rows])
             step = _steps(slope, curvature, trust[rows])
@@ -121,7 +123,7 @@ class OwnGains:
             gained = other.value(tau[rows]) - seen.value(tau[rows])
             up = gained > 0
             seen, x[rows[up]] = other.where(up, seen), tried[up]
-            score = seen.score(LAST)
+            score = seen.score(self._last)
             higher = up & (score > best[rows])
             best[rows[higher]], top[rows[higher]] = score[higher], tried[higher]
             promised = ((slope - np.einsum("mij,mj->mi", curvature, step) / 2) * step).sum(axis=1)
@@ -131,7 +133,7 @@ class OwnGains:
             settled |= trust[rows] < SHORTEST
             tau[rows[settled]] *= FALL
             trust[rows[settled]] = np.maximum(trust[rows[settled]], ANEW)
-            on, steps = tau[rows] >= LAST, steps + 1
+            on, steps = tau[rows] >= self._last, steps + 1
             rows, seen = rows[on], seen.at(on)
         return top, best
 

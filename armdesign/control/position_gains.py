@@ -3,11 +3,14 @@
 What bounds position loops alone is a mode, in which every joint has a share. All gains weigh there
 together, so that the slowest loop is hardly faster with gains of their own than with one for all:
 raised are the others, which have a small share in the mode. From the largest common gain all loops
-that can be raised are raised together, until one can no more; it stays, the rest goes on. A finer
-grid of frequencies takes some of it back, so that a loop here and there could still be faster.
+that can be raised are raised together, until one can no more; it stays, the rest goes on. This is
+done twice, then on a grid that has the frequencies at which the loops found are decided. A finer
+grid takes a little of it back, so that a loop here and there could still be faster.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,9 +26,10 @@ ALONE = 1.05  # factor by which a loop is raised to see whether it can be
 def individual(task: Task, common: Tuned) -> Tuned:
     """Controllers (n) with position gains of their own, from the common ones; no smaller."""
     kappa = task.without_units(common.controller)[0]
-    raised = _raised(Task(task.plant, Loops.of(task.plant, NEAR), task.aim), kappa)
-    controller = task.controller(raised, np.zeros(task.shapes[1]))
-    return safe(task, controller, common)
+    near, none = replace(task, loops=Loops.of(task.plant, NEAR)), np.zeros(task.shapes[1])
+    grown = near.grown(task.controller(_raised(near, kappa), none))
+    raised = _raised(grown, kappa)
+    return safe(task, task.controller(raised, none), common)
 
 
 def _raised(task: Task, kappa: Array) -> Array:

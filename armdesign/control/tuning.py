@@ -43,6 +43,7 @@ EXACT = 1.00001  # the same where small changes of a machine are to be seen
 # Shares of gains, of which a finer grid allows one; the last ones where the resonance of a mode
 # that is hardly damped lay between the frequencies of the grid.
 RETREATS = (1.0, 0.985, 0.96, 0.93, 0.86, 0.75, 0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
+GROWN = 1  # halvings of gaps of a grid that grows
 HALVINGS = 12  # of gains between which and 0 a grid has missed a band of instability
 
 
@@ -83,6 +84,16 @@ class Task:
         return Controller(
             position=kappa * omega, pressure=pressure, corner=corner, filter=self.aim.filter
         )
+
+    def __getitem__(self, rows: Array) -> Task:
+        """The task at some of the poses (mask or indices)."""
+        return replace(self, plant=self.plant[rows], loops=self.loops[rows])
+
+    def grown(self, controller: Controller) -> Task:
+        """The task on a grid that has the frequencies at which these loops are decided, too."""
+        ringing = stability(self.plant, controller).ringing
+        grid = refined(self.plant, self.loops, controller, ringing, GROWN)
+        return replace(self, loops=grid.joined)
 
     @cached_property
     def fine(self) -> Loops:
@@ -259,7 +270,7 @@ def safe(task: Task, controller: Controller, least: Tuned | None = None) -> Tune
     rows = np.flatnonzero(controller.position.any(axis=1))
     for tried in RETREATS:
         less = _between(least.controller, controller, np.full(len(share), tried))
-        holding, tuned = _keeping(task, less, rows)
+        holding, tuned = keeping(task, less, rows)
         kept, share[holding] = kept.replaced(holding, tuned), tried
         rows = np.setdiff1d(rows, holding)
         if len(rows) == 0:
@@ -267,7 +278,7 @@ def safe(task: Task, controller: Controller, least: Tuned | None = None) -> Tune
     return kept if task.close >= CLOSE else _raised(task, controller, least, kept, share)
 
 
-def _keeping(task: Task, controller: Controller, rows: Array) -> tuple[Array, Tuned]:
+def keeping(task: Task, controller: Controller, rows: Array) -> tuple[Array, Tuned]:
     """Those of some poses at which loops are stable and keep the margin, and their controllers."""
     rows = rows[margins_hold(task.fine, controller, task.aim.margin, rows)]
     found = stability(task.plant[rows], controller[rows])
@@ -287,7 +298,7 @@ def _raised(task: Task, controller: Controller, least: Tuned, kept: Tuned, share
     above = np.where(share > 0, tried[following], 0.0)
     while len(rows := np.flatnonzero(above > task.close * share)):
         middle = (share + above) / 2
-        holding, tuned = _keeping(task, _between(least.controller, controller, middle), rows)
+        holding, tuned = keeping(task, _between(least.controller, controller, middle), rows)
         kept, share[holding] = kept.replaced(holding, tuned), middle[holding]
         lost = np.setdiff1d(rows, holding)
         above[lost] = middle[lost]
