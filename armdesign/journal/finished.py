@@ -2,7 +2,9 @@
 
 A command opens its journal with ``keeping``; what computes below it asks for its pieces with
 ``finished`` or ``all_finished`` and need not know whether there is one. The process that opened
-the journal writes it alone. A piece's key is a digest of everything that decides it.
+the journal writes it alone. A piece's key is a digest of everything that decides it; its name
+begins with the run that finished it, so that a run that ends well takes along the pieces of those
+that it went on with, and no others.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Generic, TypeVar
+from uuid import uuid4
 
 from armdesign.errors import InfeasibleError
 from armdesign.journal.journal import Entry, Journal
@@ -47,15 +50,19 @@ class Pieces:
         journal: where they are kept.
         entries: all that are finished, by their keys.
         answered: how many were asked for and had been finished by a run before.
+        left: how many stay at the end: of runs that this one did not go on with.
     """
 
     journal: Journal
     entries: dict[str, Entry]
     answered: int = field(default=0, init=False)
+    left: int = field(default=0, init=False)
     version: str = field(default_factory=lambda: version("armdesign"))
 
     def __post_init__(self) -> None:
-        self._before = frozenset(self.entries)
+        self._run = uuid4().hex[:8]
+        self._before = {key: name.partition(":")[0] for key, name in self.journal.names().items()}
+        self._went_on = set[str]()
 
     def key(self, what: str, identity: Any) -> str:
         """The key of a piece."""
@@ -63,13 +70,21 @@ class Pieces:
 
     def count_answered(self, keys: Iterable[str]) -> None:
         """Count pieces that were asked for and that a run before had finished."""
-        self.answered += sum(key in self._before for key in keys)
+        runs = [self._before[key] for key in keys if key in self._before]
+        self.answered += len(runs)
+        self._went_on.update(runs)
+        self._run = runs[0] if runs else self._run
 
     def keep(self, key: str, what: str, answer: Mapping[str, Any], seconds: float) -> None:
         """Write a piece, which is on the disk when this returns."""
         entry = Entry(answer=answer, seconds=seconds)
         self.entries[key] = entry
-        self.journal.keep(key, what, entry)
+        self.journal.keep(key, f"{self._run}: {what}", entry)
+
+    def end(self) -> None:
+        """Forget the pieces of this run and of those that it went on with."""
+        others = {key for key, run in self._before.items() if run not in self._went_on}
+        self.left = self.journal.forget(self.entries.keys() - others)
 
 
 _open: list[Pieces] = []
@@ -85,7 +100,8 @@ def keeping(path: Path) -> Iterator[Pieces]:
     """Keep the pieces that are finished in the block in a journal, until the block has ended well.
 
     Where it is interrupted or fails the journal stays, unless there is nothing in it; where it
-    proves that there is no answer, that is one too.
+    proves that there is no answer, that is one too. Pieces of runs that were interrupted and that
+    this one does not go on with stay.
 
     Raises:
         ArmDesignError: the journal cannot be written, is damaged, or another run writes it.
@@ -95,9 +111,9 @@ def keeping(path: Path) -> Iterator[Pieces]:
         _open.append(pieces)
         try:
             yield pieces
-            journal.served = True
+            pieces.end()
         except InfeasibleError:
-            journal.served = True
+            pieces.end()
             raise
         finally:
             _open.remove(pieces)

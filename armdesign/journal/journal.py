@@ -12,7 +12,7 @@ import contextlib
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -60,7 +60,6 @@ class Journal:
 
     Attributes:
         path: of the file.
-        served: whether it has done its service, and goes, too.
     """
 
     def __init__(
@@ -79,7 +78,7 @@ class Journal:
             ArmDesignError: it cannot be used, another run writes it, it is damaged, or belongs to
                 other files or another version.
         """
-        self.path, self._otherwise, self.served = path, otherwise, False
+        self.path, self._otherwise, self._served = path, otherwise, False
         self._file = path.absolute()  # wherever a task goes
         with self._in_words(), contextlib.ExitStack() as opened:
             self._refuse_places()
@@ -108,7 +107,7 @@ class Journal:
         trace: TracebackType | None,
     ) -> None:
         with self._opened:
-            goes = self.served or self._has_cases() is False
+            goes = self._served or self._has_cases() is False
             self._close()
             if goes:
                 self._remove()
@@ -150,6 +149,25 @@ class Journal:
             self._database.execute(
                 "INSERT OR IGNORE INTO cases VALUES (?, ?, ?, ?, ?, ?)", [*fields, digest(fields)]
             )
+
+    def names(self) -> dict[str, str]:
+        """Names of all finished cases by their keys."""
+        with self._in_words():
+            return dict(self._database.execute("SELECT key, name FROM cases").fetchall())
+
+    def forget(self, keys: Collection[str]) -> int:
+        """Drop finished cases; how many are left. Without any the file goes at the end."""
+        with self._in_words():
+            execute = self._database.execute
+            left: int = execute("SELECT count(*) FROM cases").fetchone()[0] - len(keys)
+            self._served = left == 0  # nothing need be written then, on a full disk
+            if left and keys:
+                execute("BEGIN IMMEDIATE")
+                self._database.executemany(
+                    "DELETE FROM cases WHERE key = ?", [(key,) for key in keys]
+                )
+                execute("COMMIT")
+        return left
 
     def _has_cases(self) -> bool | None:
         """Whether any case is in it; None where that cannot be read."""

@@ -62,6 +62,25 @@ def test_only_what_is_missing_is_computed(tmp_path: Path) -> None:
     assert [path.name for path in path.parent.iterdir()] == []
 
 
+def test_pieces_of_another_interrupted_run_stay(tmp_path: Path) -> None:
+    """Of runs with other inputs in one folder: each takes along what it went on with."""
+    path, roots = tmp_path / "j.sqlite", Roots()
+    for numbers, at in (([2, 3, 5], 2), ([7, 8, 9], 8), ([2, 3, 5], 2)):
+        with pytest.raises(KeyboardInterrupt), keeping(path):
+            roots.of(numbers, interrupted_at=at)
+    with keeping(path) as other:
+        roots.of([10, 11])
+    assert (other.answered, other.left) == (0, 3)
+    with keeping(path) as pieces:
+        roots.of([2, 3])
+    assert (pieces.answered, pieces.left) == (1, 1)
+    assert path.exists()
+    with keeping(path) as last:
+        roots.of([7, 8, 9])
+    assert (last.answered, last.left, path.exists()) == (1, 0, False)
+    assert roots.computed == [5, 3, 9, 11, 10, 2, 8, 7]
+
+
 def test_what_is_not_written_is_computed_again(tmp_path: Path) -> None:
     form: Form[float] = Form(write=lambda *_: None, read=FORM.read)
     with keeping(tmp_path / "j.sqlite") as pieces:
