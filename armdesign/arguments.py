@@ -65,8 +65,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     that takes requirements is answered by the nearest argument, or by how a requirement is given.
 
     Raises:
-        ArmDesignError: from the function made, for an argument of another type, and for keywords
-            of ``MOST`` that are not from 1 to it.
+        ArmDesignError: from the function made, for an argument of another type, for keywords of
+            ``MOST`` that are not from 1 to it, and for a workspace of a machine with other joints.
     """
     signature = inspect.signature(function)
     written = {n: p.annotation for n, p in signature.parameters.items() if p.annotation != p.empty}
@@ -74,6 +74,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def judged(*words: P.args, **named: P.kwargs) -> R:
         _refuse_too_many(named)
+        _refuse_other_joints(dict(zip(signature.parameters, words, strict=False)) | named)
         try:
             return function(*words, **named)
         except ArmDesignError:
@@ -99,6 +100,18 @@ def _refuse_too_many(named: Mapping[str, Any]) -> None:
         if isinstance(value, numbers.Integral) and not 1 <= int(value) <= most:
             fault = f"{reprlib.repr(value)} is not allowed"
             raise ArmDesignError(name, fault, f"give a whole number from 1 to {most}")
+
+
+def _is_a(value: Any, name: str) -> bool:
+    """Whether a value is of a class of this name."""
+    return any(of.__name__ == name for of in type(value).__mro__)
+
+
+def _refuse_other_joints(given: Mapping[str, Any]) -> None:
+    """Raise for a workspace of another machine than the one beside it."""
+    workspace: Any = given.get("workspace")
+    if _is_a(workspace, "Workspace") and _is_a(machine := given.get("machine"), "Machine"):
+        workspace.refuse_other_joints(machine)
 
 
 def with_options(
@@ -208,7 +221,7 @@ def _fits(value: Any, kind: ast.expr) -> bool:
             huge = isinstance(value, int) and abs(value) > sys.float_info.max  # is no float
             return isinstance(value, TYPES[name][0]) and not (huge and name == "float")
         case ast.Name(id=name) | ast.Attribute(attr=name) if name in MADE_BY:
-            return any(of.__name__ == name for of in type(value).__mro__)
+            return _is_a(value, name)
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable")) if isinstance(value, str):
             return False  # though it is a sequence of letters
         case ast.Subscript(value=of, slice=ast.Tuple(elts=[key, item])) if isinstance(value, dict):

@@ -12,7 +12,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Iterator
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,7 +50,7 @@ def plain_cells(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def read_rows(
-    path: str | Path, kind: type[ArmDesignError] = ArmDesignError
+    path: str | Path, kind: type[ArmDesignError] = ArmDesignError, most: int | None = None
 ) -> tuple[list[str], list[Row]]:
     """Names of the columns, and the fields of every row after the number of its first line.
 
@@ -61,10 +61,11 @@ def read_rows(
     Args:
         path: of the file.
         kind: of the errors.
+        most: rows that are allowed.
 
     Raises:
-        ArmDesignError: a file that cannot be read, a column that is there twice, or a row with
-            more or fewer fields than names.
+        ArmDesignError: a file that cannot be read or has too many rows, a column that is there
+            twice, or a row with more or fewer fields than names.
     """
     remedy = "give a CSV file with a line of column names"
     try:
@@ -73,17 +74,22 @@ def read_rows(
         reason = getattr(error, "strerror", None) or "not a text file"
         raise kind(str(path) or "CSV file", f"cannot be read ({reason})", remedy) from None
     try:
-        rows = list(_rows(text))
+        rows = list(islice(_rows(text), None if most is None else most + 2))
     except csv.Error as error:
         raise kind(str(path), f"is no CSV file ({error})", remedy) from None
+    if most is not None and len(rows) > most + 1:
+        raise kind(str(path), f"has more than {most} rows", "give fewer")
     names = rows[0][1] if rows else []
     for name, count in Counter(names).items():
-        if count > 1:
+        if count > 1 and name:
             raise kind(str(path), f'column "{name}" is there twice', "leave one out")
     for number, fields in rows[1:]:
         if len(fields) != len(names):
             fault = f"{len(fields)} fields in line {number}, {len(names)} names"
             raise kind(str(path), fault, "give one field per name")
+        if "" in names and any(f for f, name in zip(fields, names, strict=True) if not name):
+            fault = f"a field in line {number} is below no name"
+            raise kind(str(path), fault, "name its column, or leave it out")
     return names, rows[1:]
 
 

@@ -265,14 +265,8 @@ class Run(Shown):
                 if changed:
                     pieces.end()
                 raise
-        if pieces.answered and not self.quiet:
-            pieces_were = "piece was" if pieces.answered == 1 else "pieces were"
-            sentence = f"{pieces.answered} {pieces_were} finished before, by an interrupted run"
+        for sentence in () if self.quiet else pieces.of_other_runs():
             tell(f"armdesign: {sentence}", sys.stderr)
-        if pieces.left and not self.quiet:
-            pieces_stay = "piece stays" if pieces.left == 1 else "pieces stay"
-            sentence = f"{pieces.left} {pieces_stay} in {path}, of an interrupted run with other"
-            tell(f"armdesign: {sentence} inputs; delete it if that need not go on", sys.stderr)
 
     @contextmanager
     def writing(self, folder: Path) -> Iterator[Path]:

@@ -109,6 +109,14 @@ def test_starts_and_workers_that_keep_a_computer_busy_are_refused(count: int) ->
             door(ONE, **{name: count})
 
 
+@pytest.mark.parametrize("door", ["frequency_map", "optimize", "bandwidth_map", "sweep"])
+def test_a_workspace_of_another_machine_is_refused(door: str) -> None:
+    other = ad.Workspace.grid(machines.named("excavator_20t"), points=2)
+    words = "its poses are of boom, stick, bucket of excavator_20t, paper_1dof has boom; make one"
+    with pytest.raises(ad.ArmDesignError, match=f"^workspace: {words}"):
+        getattr(ad, door)(machines.named("paper_1dof"), workspace=other)
+
+
 def test_numbers_of_all_libraries_are_numbers() -> None:
     """The argument that is at fault is found among those that are not."""
 

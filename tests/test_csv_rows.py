@@ -19,6 +19,7 @@ SMALL = ["-.5e-3", ""]
     ("text", "rows"),
     [
         ("", ([], [])),
+        ("a,,\n1,,\n", (["a", "", ""], [(2, ["1", "", ""])])),
         ("# a comment\n", ([], [])),
         ("a,b\n# c\n\n 1 , x\n", (["a", "b"], [(4, ["1", "x"])])),
         ("\ufeffa;b\n1,5;x,y\n-,5e-3;\n", (["a", "b"], [(2, ["1.5", "x,y"]), (3, SMALL)])),
@@ -41,6 +42,7 @@ def test_rows(text: str, rows: object, tmp_path: Path) -> None:
         ("a,b\n1,2\n\n1\n", "1 fields in line 4, 2 names; give one field per name"),
         ("a,b\n1,2,3\n", "3 fields in line 2, 2 names"),
         ('a,b\n"1,2\n', "is no CSV file"),
+        ("a,,\n1,,2\n", "a field in line 2 is below no name; name its column"),
         (None, "cannot be read (No such file or directory); give a CSV file"),
     ],
 )
@@ -53,6 +55,14 @@ def test_faults(text: str | None, message: str, tmp_path: Path) -> None:
             read_rows(path, kind)
         assert type(caught.value) is kind
         assert str(caught.value).startswith(f"{path}: {message}")
+
+
+def test_more_rows_than_are_allowed(tmp_path: Path) -> None:
+    path = tmp_path / "some.csv"
+    path.write_text("a\n1\n2\n3\n", encoding="utf-8")
+    assert len(read_rows(path, most=3)[1]) == 3
+    with pytest.raises(ArmDesignError, match="has more than 2 rows; give fewer"):
+        read_rows(path, most=2)
 
 
 def test_tables_are_written_as_pandas_does(tmp_path: Path) -> None:

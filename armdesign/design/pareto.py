@@ -116,6 +116,8 @@ def read_values(text: str, against: str) -> list[float] | None:
             means.
     """
     words = [word.strip() for word in text.split(",") if word.strip()]
+    if text and not words:
+        raise ArmDesignError("--values", f'"{text}" has no value', "give 0.9,1.0,1.1")
     try:
         values = [float(word) for word in words]
     except ValueError:

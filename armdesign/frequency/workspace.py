@@ -178,6 +178,17 @@ class Workspace(ReadOnly):
     def __len__(self) -> int:
         return len(self.q)
 
+    def refuse_other_joints(self, machine: Machine) -> None:
+        """Raise for a machine that has not the joints of the poses.
+
+        Raises:
+            ArmDesignError: with the joints of both.
+        """
+        if machine.joints != self.machine.joints:
+            own, others = (", ".join(one.joints) for one in (machine, self.machine))
+            fault = f"its poses are of {others} of {self.machine.name}, {machine.name} has {own}"
+            raise ArmDesignError("workspace", fault, "make one of this machine")
+
     def suits(self, other: Machine) -> bool:
         """Whether another machine has the same links and can take all the poses."""
         links = [

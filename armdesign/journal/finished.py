@@ -86,6 +86,16 @@ class Pieces:
         others = {key for key, run in self._before.items() if run not in self._went_on}
         self.left = self.journal.forget(self.entries.keys() - others)
 
+    def of_other_runs(self) -> Iterator[str]:
+        """Sentences on pieces of interrupted runs: those gone on with, those that stay."""
+        if self.answered:
+            pieces_were = "piece was" if self.answered == 1 else "pieces were"
+            yield f"{self.answered} {pieces_were} finished before, by an interrupted run"
+        if self.left:
+            stay = "piece stays" if self.left == 1 else "pieces stay"
+            those = f"{self.left} {stay} in {self.journal.path}, of an interrupted run"
+            yield f"{those} with other inputs; delete it if that need not go on"
+
 
 _open: list[Pieces] = []
 

@@ -86,12 +86,10 @@ class Journal:
                 with held(self._file, PATIENCE):
                     self._refuse_others()
                     _set_aside(self._file)
-            there = self._file.exists()
             self._fresh = [one for one in self._file.parents if not one.exists()]
             opened.enter_context(held(self._file, PATIENCE))
             self._refuse_others()
-            if there:
-                self._refuse_emptied()
+            self._refuse_emptied()
             self._database = _connected(self._file)
             opened.callback(self._close)
             self._begin_or_check(files, version)
@@ -149,6 +147,9 @@ class Journal:
             self._database.execute(
                 "INSERT OR IGNORE INTO cases VALUES (?, ?, ?, ?, ?, ?)", [*fields, digest(fields)]
             )
+        if not self._file.exists():
+            fault = "was removed or moved while a run wrote it"
+            raise ArmDesignError(str(self.path), fault, "move it back, with its -wal, and go on")
 
     def names(self) -> dict[str, str]:
         """Names of all finished cases by their keys."""
@@ -251,7 +252,7 @@ class Journal:
     def _refuse_emptied(self) -> None:
         """Raise for a file without its head, which SQLite would begin anew.
 
-        One without a byte may have been killed as it was begun; beside a log it was not.
+        One without a byte may have been killed as it was begun, or is new; beside a log it is not.
         """
         log = self._file.with_name(f"{self._file.name}-wal")
         with contextlib.suppress(OSError):

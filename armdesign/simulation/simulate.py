@@ -221,9 +221,10 @@ def _supplied(case: SimulationCase) -> SimulationCase:
 
 def _refuse(case: SimulationCase) -> None:
     name, hold = case.machine.name, 1.0 if case.hold is None else case.hold
-    for what, value in (("duration", case.duration), ("rate", case.rate), ("hold", hold)):
+    rate = ("rate", case.rate, " per second")
+    for what, value, unit in (("duration", case.duration, " s"), rate, ("hold", hold, " s")):
         if not (math.isfinite(value) and value > 0):
-            fault = f"{value:g} is not allowed"
+            fault = f"{value:g}{unit} is not allowed"
             raise SimulationError(f"{name}: {what}", fault, "give a positive number")
     if (records := case.duration * case.rate) > MOST_RECORDS:
         fault = f"{case.duration:g} s at {case.rate:g} per second are {records:.2g} instants"

@@ -94,8 +94,10 @@ def sobol_changes(
             fault = f"{ranges[path]!r} is no range"
             raise ArmDesignError(str(path), fault, "give two numbers, the lower one first")
     low, high = np.array(list(rows.values()), float).reshape(-1, 2).T
-    if not low.size:
-        raise ArmDesignError("sobol", "has no ranges", "give two ends by key path")
+    if not 0 < low.size <= qmc.Sobol.MAXDIM:
+        fault = f"has {low.size} ranges" if low.size else "has no ranges"
+        remedy = f"give two ends by key path, of 1 to {qmc.Sobol.MAXDIM} numbers"
+        raise ArmDesignError("sobol", fault, remedy)
     sequence = qmc.Sobol(low.size, rng=np.random.default_rng(seed))
     points = sequence.random_base2(math.ceil(math.log2(count)))[:count]
     return [dict(zip(ranges, row, strict=True)) for row in (low + points * (high - low)).tolist()]
@@ -116,9 +118,9 @@ def csv_changes(path: str | Path) -> list[Changes]:
     """A case for each row of a CSV file, whose columns are key paths; empty fields change nothing.
 
     Raises:
-        ArmDesignError: a file that cannot be read or has no rows.
+        ArmDesignError: a file that cannot be read, or has no rows or too many.
     """
-    names, rows = read_rows(path)
+    names, rows = read_rows(path, most=MOST)
     if not rows:
         raise ArmDesignError(str(path), "has no rows", "give a case per line below the key paths")
     return [

@@ -173,5 +173,5 @@ def _outcome(future: Any, address: str) -> Outcome:
 
 
 def _gone(address: str) -> ArmDesignError:
-    remedy = "start it and run the sweep again"
+    remedy = "start it and run the sweep again, which goes on with its journal, if it has one"
     return ArmDesignError("--scheduler", f"{address} is gone", remedy)

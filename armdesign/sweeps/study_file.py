@@ -108,7 +108,8 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     for key, value in (("count", count), ("seed", seed)):
         if isinstance(value, bool) or not isinstance(value, int) or value < (key == "count"):
             fault = f"{value!r} is not allowed" if value is not None else "is missing"
-            raise ArmDesignError(f"{path.name}: sobol.{key}", fault, "give a whole number")
+            remedy = f"give a whole number of {int(key == 'count')} or more"
+            raise ArmDesignError(f"{path.name}: sobol.{key}", fault, remedy)
     if not isinstance(ranges, dict):
         remedy = 'give a table [sobol.ranges] with lines as "cylinder.boom.bore_mm" = [100, 130]'
         raise ArmDesignError(f"{path.name}: sobol.ranges", "is missing", remedy)

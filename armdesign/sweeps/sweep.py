@@ -136,7 +136,11 @@ def sweep(
     _refuse_names({path for one in chosen for path in one}, {k for one in sets for k in one})
     kept = more["journal"] is not None or is_keeping()
     identity = identity_of(task) if kept or isinstance(task, str) else uuid4().hex
-    study = _study(_machines(machine), (task, identity), shared, workspace, points)
+    machines = _machines(machine)
+    for model in machines.values():
+        if workspace is not None:
+            workspace.refuse_other_joints(model)
+    study = _study(machines, (task, identity), shared, workspace, points)
     refuse_many(len(study.machines) * len(more["payloads"] or [0]) * len(chosen) * len(sets))
     cases = list(_cases(study, chosen, more["payloads"], sets))
     run = _CaseRunner(

@@ -43,6 +43,9 @@ def design(
 
     vary = tuple(vary.replace(",", " ").split() if isinstance(vary, str) else vary)
     if only_sizes(vary, objective, damping):
+        if starts is not None:
+            fault = "counts for pins, or for the objective bandwidth; areas alone need no starts"
+            raise ArmDesignError("options.starts", fault, "leave it out")
         best = size_cylinders(machine, workspace, objective=objective, catalogue=catalogue)
     else:
         best = optimize(

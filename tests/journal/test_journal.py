@@ -265,6 +265,24 @@ def test_a_journal_without_its_head_is_damaged(tmp_path: Path) -> None:
         assert not journal.entries()
 
 
+def test_a_log_without_its_file_is_damaged(tmp_path: Path) -> None:
+    """It may hold answers, which a new file would overwrite."""
+    path, log = tmp_path / "j.sqlite", tmp_path / "j.sqlite-wal"
+    log.write_bytes(b"answers")
+    for _ in range(2):
+        with pytest.raises(ArmDesignError, match="is damaged"):
+            opened(path)
+    assert log.read_bytes() == b"answers"
+
+
+def test_a_journal_that_is_removed_while_it_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "j.sqlite"
+    with opened(path) as journal:
+        path.rename(tmp_path / "elsewhere")
+        with pytest.raises(ArmDesignError, match="was removed or moved while a run wrote it"):
+            journal.keep("k", "case", Entry(answer={"x": 1.5}, seconds=0.1))
+
+
 @pytest.mark.parametrize("part", ["j.sqlite", "j.sqlite-wal"])
 def test_a_journal_that_is_cut_off_is_refused_or_right(tmp_path: Path, part: str) -> None:
     """Cut at 20 places, as a whole file and as one with its log: no answer is ever wrong."""

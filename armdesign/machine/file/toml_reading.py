@@ -24,7 +24,7 @@ DEEPEST = 32  # tables in tables, or parts of a dotted key; a machine file has s
 MOST = {"tables": 1_000, "values": 20_000}  # values: keys, items of lists; a file has hundreds
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w.-])(?:{_PART}[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
-FEWER = "write the keys of a machine file"
+FEWER = "write the keys of a machine file, or of a study with cases in a CSV file"
 _PLACE = re.compile(r"\(at line (\d+), column (\d+)\)$")
 
 
@@ -139,9 +139,12 @@ def _without_unit(number: str, unit: str, before: str) -> str:
     units = [UNITS[match[1]] for match in named if match]
     if not units:
         return "write the number alone"
-    same = unit.replace(" ", "").lower() == units[-1].replace(" ", "").lower()
-    value = number if same else "the number alone"
+    value = number if _same_unit(unit, units[-1]) else "the number alone"
     return f"write {value}: the key says that it is in {units[-1]}"
+
+
+def _same_unit(one: str, other: str) -> bool:
+    return one.replace(" ", "").lower() == other.replace(" ", "").lower()
 
 
 def _bare_point(line: str) -> str:
@@ -169,8 +172,10 @@ def number_meant(text: str, unit: str) -> tuple[str, str]:
     if _COMMA.fullmatch(text):
         return "decimal comma, and a text", with_point(text)
     if (match := _NUMBER.fullmatch(text)) and not _other_notation(match[1], match[2] or ""):
-        alone = f"write the number alone, in {unit}" if match[2] and unit else ""
-        return "", f"{alone or 'write it without quotes'}: {match[1]}"
+        if not (match[2] and unit):
+            return "", f"write it without quotes: {match[1]}"
+        number = f": {match[1]}" if _same_unit(match[2], unit) else ""  # nothing is converted
+        return "", f"write the number alone, in {unit}{number}"
     return "", ""
 
 

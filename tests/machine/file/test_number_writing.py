@@ -55,6 +55,11 @@ WRITTEN = [
     ),
     (
         "bore_mm = 120",
+        'bore_mm = "12 cm"',
+        r'"12 cm" is not allowed; .*; write the number alone, in mm \(',
+    ),
+    (
+        "bore_mm = 120",
         "bore_mm = .5",
         r"no digit on one side of a point \(at line 34, column \d+\); write 0\.5",
     ),
