@@ -7,10 +7,12 @@ of a dead worker to others.
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from typing import Any
 
 from armdesign.errors import ArmDesignError
@@ -48,12 +50,20 @@ def on_cluster(
             scheduler cannot be reached or is gone.
     """
     try:
-        from distributed import as_completed
         from distributed.protocol.pickle import dumps
     except ImportError:
         remedy = 'pip install "armdesign[cluster]"'
         raise ArmDesignError("--scheduler", "needs dask.distributed", remedy) from None
     refuse_unless_sent((study, cases), dumps)
+    with _without_traces():
+        yield from _answers(study, cases, address, died_at)
+
+
+def _answers(
+    study: Study, cases: Sequence[Case], address: str, died_at: Callable[[Case], None]
+) -> Iterator[tuple[Case, Outcome]]:
+    from distributed import as_completed
+
     client, plugin = _client(address), f"{PREFIX}{study.name}"
     lost = deque[str]()
     try:
@@ -80,6 +90,18 @@ def on_cluster(
         client.unregister_worker_plugin(plugin)
     finally:
         client.close(timeout=PATIENCE)  # which drops what is still to do
+
+
+@contextmanager
+def _without_traces() -> Iterator[None]:
+    """Without the traces that dask's client logs when a scheduler goes: an error says so."""
+    logger = logging.getLogger("distributed.client")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _client(address: str) -> Any:

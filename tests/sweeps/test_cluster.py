@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import signal
 import socket
@@ -137,7 +138,11 @@ def test_what_ends_a_case_ends_no_other_on_a_cluster(tmp_path: Path) -> None:
 
 
 def test_a_scheduler_that_is_killed_is_gone(tmp_path: Path) -> None:
-    """While cases come, and while a client asks who has the study, once and again."""
+    """While cases come, and while a client asks who has the study, once and again; in a line."""
+    logged = list[logging.LogRecord]()
+    handler = logging.Handler()
+    handler.emit = logged.append  # type: ignore[method-assign]
+    logging.getLogger("distributed.client").addHandler(handler)
     with dask(tmp_path) as (address, worker, scheduler):
         worker()
         client = _client(address)
@@ -148,6 +153,7 @@ def test_a_scheduler_that_is_killed_is_gone(tmp_path: Path) -> None:
 
         with pytest.raises(ad.ArmDesignError, match=f"{address} is gone; start it"):
             sweep("paper_1dof", MODULI, points=40, scheduler=address, say=say)
+        assert not logged
         nothing = {"machines": {}, "task": "map", "options": {}, "workspace": None, "points": 3}
         study = Study(identity="one", version="0", **nothing)
         for _ in range(2):
