@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array, Flags
-from armdesign.control.closed_loops import HALF
 from armdesign.control.controller import Controller
 from armdesign.control.lanes import LANES
 from armdesign.control.loop_slopes import (
@@ -28,6 +27,7 @@ from armdesign.control.loop_slopes import (
     write_size_slope,
 )
 from armdesign.control.loops import (
+    LEVEL,
     LoopArguments,
     LoopRoom,
     Loops,
@@ -188,7 +188,7 @@ def _look_at_block(sight: Sight, pose: int, start: int, seen: Seen, row: int) ->
     close_loops(sight.loops, pose, loop)
     for i in range(len(room.crossed)):
         for lane in range(lanes):
-            if loop.which[lane] < room.crossed[i] and size_of(loop.S, i, lane) < HALF:
+            if loop.which[lane] < room.crossed[i] and size_of(loop.S, i, lane) < LEVEL:
                 room.crossed[i] = loop.which[lane]
     halve(loop.S_c, 0.5)
     halve(loop.S, 0.5)

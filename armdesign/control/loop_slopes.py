@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.control.closed_loops import HALF
 from armdesign.control.lanes import (
     LANES,
     add_products,
@@ -26,7 +25,7 @@ from armdesign.control.lanes import (
     subtract_products,
     write_product,
 )
-from armdesign.control.loops import LoopArguments, LoopRoom, Loops
+from armdesign.control.loops import LEVEL, LoopArguments, LoopRoom, Loops
 from armdesign.control.margins import Room
 from armdesign.simulation.plant.compiled import within
 
@@ -224,6 +223,6 @@ def crossing_slopes(omega: Array, f: int, last: float, size: float) -> tuple[flo
     if f == 0:
         return 0.0, 1 / (1 - size**2)
     span = math.log(last / size)
-    share = math.log(last / HALF) / span
+    share = math.log(last / LEVEL) / span
     wide = math.log(omega[f] / omega[f - 1]) / span
     return (1 - share) * wide, share * wide

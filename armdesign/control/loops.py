@@ -38,6 +38,7 @@ from armdesign.simulation.plant.compiled import within
 
 # Frequencies below the modes and from there on, evenly on logarithmic scales; about each mode.
 COARSE, FINE = (8, 42, 7), (12, 100, 11)
+LEVEL = 1.0005 * HALF  # for a search, so that what dips between frequencies stays above −3 dB
 ABOUT = 2.5  # half the width of the frequencies about a mode, in ζω
 DELAYED, EACH = 48, 0.5  # frequencies from 0 on behind a delay, and its turn between two [rad]
 
@@ -233,14 +234,14 @@ def size_of(S: Array, i: int, lane: int) -> float:
 
 @within
 def crossing(omega: Array, f: int, last: float, size: float) -> float:
-    """Frequency at which a response falls to −3 dB [rad/s], of frequencies omega (f,).
+    """Frequency at which a response falls to ``LEVEL`` [rad/s], of frequencies omega (f,).
 
     Its size is below it at the frequency f for the first time, ``last`` at the one before. Between
     them it is straight on logarithmic scales, which is near enough for a search.
     """
     if f == 0:
         return float(below_all(omega[0], size))
-    share = math.log(last / HALF) / math.log(last / size)
+    share = math.log(last / LEVEL) / math.log(last / size)
     return float(omega[f - 1] * (omega[f] / omega[f - 1]) ** share)
 
 

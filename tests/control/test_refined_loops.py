@@ -36,7 +36,14 @@ def gains_of(bandwidths: ad.BandwidthMap, scheme: str) -> Controller:
     )
 
 
-@pytest.mark.parametrize(("name", "points"), [("paper_1dof", 30), ("mini_excavator_2t", 3)])
+@pytest.mark.parametrize(
+    ("name", "points"),
+    [
+        ("paper_1dof", 30),
+        ("mini_excavator_2t", 3),
+        pytest.param("excavator_20t", 4, marks=pytest.mark.slow),
+    ],
+)
 def test_no_figure_is_better_than_on_a_dense_grid(name: str, points: int) -> None:
     """Bandwidths were up to twice, where a response dips below −3 dB, margins 12 % too large.
 
