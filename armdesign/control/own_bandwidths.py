@@ -26,8 +26,9 @@ from armdesign.control.tuning import Task, Tuned, damped, keeping, proportional,
 ALONE, BESIDE, LAST = (0.02, 0.01), (0.01, 3e-3), (3e-3, 1e-4)  # of the path in ``own_gains``
 GROWTHS = 4  # of a grid on the last part, at most
 AS_SEEN = 0.99  # of the bandwidth on a grid that loops have on a finer one, if it need not grow
-SEARCHES, STARTS = 2, 128  # of the lowest row, and the starts of each
-LEADERS = 2, 16  # of the starts of all rows, and of the lowest row, that are followed to the end
+LEADERS = 2  # of the starts of a row that are followed on the path's middle part
+SEARCHES, STARTS = 2, 128  # of the lowest row, and the starts of each,
+GROUPS = 16  # of these, the best of each of which is followed to the end
 AROUND = 0.8  # spread of logarithms of gains from which they begin
 FAINT = 1e-3  # κ and η from which a search begins where there are none
 
@@ -52,7 +53,7 @@ class Schemes:
         start, near = _logarithms(task, common), neighbours(task.plant.q)
         x = OwnGains(task, ALONE).found(start, start[:, None])
         starts = np.concatenate([x[:, None], x[near]], axis=1)
-        own = searched(task, x, start, starts, LEADERS[0]).or_wider(common)
+        own = searched(task, x, start, starts, LEADERS).or_wider(common)
         return cls(simple, alone, common, own.or_wider(alone), start, _logarithms(task, own))
 
 
@@ -76,11 +77,14 @@ def _raise_lowest(
     searches, random = np.zeros(len(width), dtype=int), np.random.default_rng(0)
     while searches[row := int(width.argmin())] < SEARCHES:
         each, one = found[part_of[row]], np.array([row - first[row]])
-        task = parts[part_of[row]].task(options, one)
+        task = parts[part_of[row]].task(options, one.repeat(GROUPS))
         around = np.concatenate([start[[row]], x[[row]], x[near[row]]])
-        starts = np.resize(around, (STARTS, x.shape[1]))
+        starts = np.resize(around, (GROUPS, STARTS // GROUPS, x.shape[1]))
         starts = starts + AROUND * random.standard_normal(starts.shape)
-        again = searched(task, x[[row]], start[[row]], starts[None], LEADERS[1])
+        known, within = (of[[row]].repeat(GROUPS, axis=0) for of in (x, start))
+        again = searched(task, known, within, starts)
+        best = np.array([again.figures.narrowest.argmax()])
+        again, task = again[best], task[best]
         searches[row] += 1
         if again.figures.narrowest[0] > width[row]:
             width[row], x[row] = again.figures.narrowest[0], _logarithms(task, again)[0]
