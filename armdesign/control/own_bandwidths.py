@@ -13,17 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.control.controller import Controller
 from armdesign.control.map_parts import ControlOptions, MapPart
-from armdesign.control.own_gains import OwnGains, neighbours
+from armdesign.control.own_gains import PATH, OwnGains, neighbours
 from armdesign.control.position_gains import individual
 from armdesign.control.tuning import Task, Tuned, damped, keeping, proportional, safe
 
-ALONE, BESIDE, LAST = (0.02, 0.01), (0.01, 3e-3), (3e-3, 1e-4)  # of the path in ``own_gains``
+ALONE, BESIDE, LAST = pairwise(PATH)  # parts of the path: which starts there are, and the last
 GROWTHS = 4  # of a grid on the last part, at most
 AS_SEEN = 0.99  # of the bandwidth on a grid that loops have on a finer one, if it need not grow
 LEADERS = 2  # of the starts of a row that are followed on the path's middle part

@@ -32,7 +32,8 @@ SHARES = (0.97, 0.9, 0.7, 0.5, 0.3, 0.1)  # of gains that leave loops stable, of
 WAY = (0.0, 0.3, 0.6, 0.9, 0.97, 1.0)  # shares of the way from there to a start
 MOST = math.log(3.0)  # κ and η: beyond, a loop may be unstable above all frequencies of a grid
 NEIGHBOURS = 4
-PATH, FALL = (0.02, 1e-4), 0.4  # first and last τ of the path, of log bandwidths, and its falls
+PATH = 0.02, 0.01, 3e-3, 1e-4  # τ of log bandwidths, at the ends of its parts
+FALL = 0.4  # of τ
 STEPS, RACE = 50, 2  # of a path, and of a race
 LONGEST, SHORTEST, ANEW = 0.5, 2e-3, 0.1  # steps of logarithms that are trusted
 GOOD, POOR, SHORTER = 0.6, 0.3, 1 / 3  # shares of a promised gain, and how much less is trusted
@@ -46,11 +47,11 @@ class OwnGains:
 
     Args:
         task: the loops, on a grid of frequencies.
-        path: first and last τ of the part of the path that is followed.
+        part: of the path that is followed, its first and last τ.
     """
 
-    def __init__(self, task: Task, path: tuple[float, float] = PATH) -> None:
-        self._first, self._last = path
+    def __init__(self, task: Task, part: tuple[float, float]) -> None:
+        self._first, self._last = part
         units, limit = task.controller(*map(np.ones, task.shapes)), 1 / (SPARE * task.aim.margin)
         self._units = np.concatenate([units.position, units.pressure], axis=1)
         near = max(1 - 0.25 / limit**2, 1e-9) ** self._units.shape[1] / FAR

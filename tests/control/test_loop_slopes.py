@@ -11,7 +11,7 @@ from armdesign.control.loop_slopes import SlopeRoom, crossing_slopes, write_room
 from armdesign.control.loops import Loops, crossing
 from armdesign.control.map_parts import ControlOptions
 from armdesign.control.margins import Room, write_room
-from armdesign.control.own_gains import OwnGains
+from armdesign.control.own_gains import PATH, OwnGains
 from armdesign.control.stability import stable
 from armdesign.control.tuning import Task, damped
 from tests.control.machines import many_plants
@@ -24,7 +24,7 @@ def searched() -> tuple[Task, OwnGains, Array]:
     plant = many_plants()
     task = Task(plant, Loops.of(plant), ControlOptions().aim)
     gains = np.concatenate(task.without_units(damped(task).controller), axis=1)
-    return task, OwnGains(task), np.log(gains)
+    return task, OwnGains(task, (PATH[0], PATH[-1])), np.log(gains)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
