@@ -14,6 +14,7 @@ from armdesign.plots.canvas import (
     INK,
     MARK,
     STYLES,
+    Style,
     figure,
     joint_label,
     joint_values,
@@ -148,6 +149,8 @@ def trade_off(front: Pareto, ax: Axes | None = None) -> Any:
     if front.robust:
         lowest = first.band_before.low.frequency
         lines.append(("banded_hz", "best design, lowest of the poses in the bands", "o:", lowest))
+    above: Style = {"textcoords": "offset points", "ha": "center", "size": 8, "zorder": 3}
+    paper: Style = {"fc": "white", "ec": "none", "pad": 1}  # that lines end beside the words
     for column, words, line, start in lines:
         frequencies = front.frame[column]
         ax.plot(limits, frequencies, line, color=MARK, label=words, drawstyle=style)
@@ -156,9 +159,7 @@ def trade_off(front: Pareto, ax: Axes | None = None) -> Any:
         )
         for limit, frequency in zip(limits, frequencies, strict=True):
             gain = percent(frequency / start - 1 if start > 0 else math.inf)
-            ax.annotate(
-                gain, (limit, frequency), (0, 6), textcoords="offset points", ha="center", size=8
-            )
+            ax.annotate(gain, (limit, frequency), (0, 8), bbox=paper, **above)
     if front.against == "oil":
         shares = np.linspace(min(*limits, now), max(*limits, now), 60)
         equal = "frequency² × joint speed as today"
