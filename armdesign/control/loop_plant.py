@@ -102,6 +102,11 @@ class LoopPlant(ReadOnly):
         return self.q.shape[1]
 
     @property
+    def slowest(self) -> Array:
+        """Frequency (n,) [rad/s] of the lowest mode, or of a valve that is slower."""
+        return np.minimum(self.omega, self.valve_omega.min())
+
+    @property
     def fastest(self) -> Array:
         """Frequency (n,) [rad/s] beyond which loops answer little: of modes and valves."""
         highest = 2 * math.pi * self.frequencies[:, -1]
@@ -110,7 +115,7 @@ class LoopPlant(ReadOnly):
     @property
     def band(self) -> tuple[Array, Array]:
         """Frequencies (n,), (n,) [rad/s] below which loops are lags, and beyond which small."""
-        low = np.minimum(0.03, 0.3 * self.damping[:, 0]) * self.omega
+        low = np.minimum(0.03 * self.slowest, 0.3 * self.damping[:, 0] * self.omega)
         if self.delay:
             low = np.minimum(low, LAGGING / self.delay)
         return low, 3 * self.fastest

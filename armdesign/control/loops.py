@@ -77,7 +77,7 @@ class Loops(ReadOnly):
         below, among, near = counts
         omega, ratio = 2 * math.pi * plant.frequencies, plant.damping
         low, high = plant.band
-        middle = 0.4 * omega[:, 0]
+        middle = 0.4 * plant.slowest
         scales = [
             np.geomspace(low, middle, below, endpoint=False, axis=1),
             np.geomspace(middle, high, among, axis=1),

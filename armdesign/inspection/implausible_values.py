@@ -108,7 +108,7 @@ def of_places(yardstick: Yardstick) -> Iterator[Finding]:
     """Pins, loads, tool, outlines and boxes in metres."""
     for path, value in yardstick.values.items():
         table, _, key = path.rpartition(".")
-        if key in ("at_mm", "points_mm"):
+        if key in ("at_mm", "points_mm") and isinstance(value, list | tuple):  # not of a slide
             link = (
                 yardstick.values.get(f"{table}.link") or table.rpartition(".")[2]
             )  # an outline's

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
+from armdesign.errors import ArmDesignError
 from armdesign.hydraulics.actuator import Motor
 from armdesign.machine.machine import Machine
 from armdesign.motion.feed_forward import SpoolPlan
@@ -85,10 +87,15 @@ class Move(ReadOnly):
 
     @property
     def shapers(self) -> list[Shaper]:
-        """Its shaper, where it has a delay, and the usual ones for the lowest mode."""
-        lowest, damping = float(self.frequencies[0]), self.shaper.of_lowest.damping
-        usual = [kind(lowest, damping) for kind in (Shaper.zv, Shaper.zvd, Shaper.ei)]
-        return [self.shaper, *usual] if self.shaper.delay else usual
+        """Its shaper, where it has a delay, and the usual ones for the lowest mode.
+
+        But for those that its damping does not allow.
+        """
+        damping, shapers = self.shaper.of_lowest.damping, [self.shaper] * (self.shaper.delay > 0)
+        for kind in (Shaper.zv, Shaper.zvd, Shaper.ei):
+            with contextlib.suppress(ArmDesignError):
+                shapers.append(kind(float(self.frequencies[0]), damping))
+        return shapers
 
     @property
     def reductions(self) -> tuple[float, ...]:

@@ -41,10 +41,13 @@ def shaper_for(
             the least of them.
 
     Raises:
-        ArmDesignError: no such kind.
+        ArmDesignError: no such kind, or no mode that rings at the end.
     """
     if kind not in KINDS:
         raise ArmDesignError(f"shaper {kind}", "there is no such kind", choose(kind, KINDS))
+    if not len(way.end):
+        fault = "no mode rings where it ends, so large is friction: there is nothing to plan for"
+        raise ArmDesignError(f"{way.machine.name}: move", fault, "lower it, or use ad.simulate")
     if kind == "none":
         return Shaper.none(), None
     count = int((way.end <= HIGHEST * way.end[0]).sum()) if modes is None else modes

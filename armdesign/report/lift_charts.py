@@ -114,6 +114,17 @@ def _list(charts: Mapping[str, LiftChart], units: Units) -> Sheet:
     )
 
 
+def _still(chart: LiftChart, units: Units) -> str:
+    """Joints that stand still over all places of a chart, and where; "" for none but slews."""
+    arm = chart.machine.arm
+    still = np.flatnonzero(np.ptp(chart.q, axis=0) < 1e-9) if len(chart.q) > 1 else ()
+    return ", ".join(
+        f"{arm.joints[j].name} at {units.text(float(chart.q[0, j]), arm.joints[j].unit)}"
+        for j in still
+        if j not in arm.slewing
+    )
+
+
 def _note(chart: LiftChart, units: Units) -> str:
     """Note on the meaning of the chart, and on its point."""
     point, share = chart.poses.point, f"{100 * HYDRAULIC_SHARE:.0f} %"
@@ -123,6 +134,8 @@ def _note(chart: LiftChart, units: Units) -> str:
         f"at x {x}, z {z} of the {point.link}: {share} of the actuators' force less the arm's"
         f" own weight{tips if machine.section.stability else ''} (ISO 10567)"
     )
+    if still := _still(chart, units):
+        note += f"; with {still}"
     if len(machine.actuators) > len(machine.joints):
         note += (
             "; where cylinders share a joint they divide its load as at rest (least Σ(F/A)²), and"

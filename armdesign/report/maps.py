@@ -149,7 +149,7 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
             simpler = frequencies.columns[f"{formula}_{cylinder.name}_hz"]
             ratio = simpler[limits] / frequencies.lowest[limits]
             median = percentiles(ratio, frequencies.weights[limits], [50]) if limits.any() else ()
-            ratios.append("".join(f"{value:.2f}" for value in median) or "–")
+            ratios.append("".join(map(_ratio, median)) or "–")
         rows.append((cylinder.name, _limiting_share(frequencies, cylinder.name), *ratios))
     springs = [spring.name for spring in frequencies.machine.springs]
     rows += [(name, _limiting_share(frequencies, name), "–", "–") for name in springs]
@@ -162,6 +162,11 @@ def _limiting_sheet(frequencies: FrequencyMap) -> Sheet:
         rows=tuple(rows),
         note=note,
     )
+
+
+def _ratio(value: float) -> str:
+    """A ratio of frequencies; where a load has no inertia about a joint but rounding "> 1000"."""
+    return f"{value:.2f}" if value <= 1000 else "> 1000"
 
 
 def _limiting_share(frequencies: FrequencyMap, name: str) -> str:

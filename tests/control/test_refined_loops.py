@@ -76,3 +76,27 @@ def test_loops_on_all_grids_are_compiled_once() -> None:
         for loops in (task.loops, task.fine, task.fine[np.array([0])], grid.joined):
             seen.add(str(numba.typeof(Sight.of(loops, controller, 1.0, 1.0))))
     assert len(seen) == 1
+
+
+def test_a_valve_far_slower_than_all_modes() -> None:
+    """The plant is then an integrator behind the valve: gains, margins and bandwidths are of the
+    valve alone, and hold on a grid that begins a thousand times below it.
+    """
+    valve_hz = 0.02
+    machine = ad.load("paper_1dof").replace({"cylinder.lift.valve.natural_frequency_hz": valve_hz})
+    bandwidths = ad.bandwidth_map(machine, ad.Workspace.grid(machine, 3), damping=0.9)
+    plant = loop_plant(machine, machine.at(bandwidths.q), 0.9)
+    s = 1j * np.geomspace(1e-3, 1e3, 20_000)  # over the valve's
+    valve = 1 / (1 + 1.6 * s + s**2)  # its damping ratio is 0.8
+    wide = Loops.at(plant, np.tile(2 * math.pi * valve_hz * s.imag, (len(plant), 1)))
+    for scheme in ("proportional", "own"):
+        controller = gains_of(bandwidths, scheme)
+        stated, figures = bandwidths.frame, wide.figures(controller)
+        gain = controller.position[:, :1] / (2 * math.pi * valve_hz)
+        T = gain * valve / (s + gain * valve)
+        margin = 1 / np.abs(T - 0.5).max(axis=1)
+        assert stated[f"{scheme}_margin"].to_numpy() == pytest.approx(margin, rel=0.01)
+        assert figures.margin == pytest.approx(margin, rel=0.01)
+        width = valve_hz * s.imag[(np.abs(T) < math.sqrt(0.5)).argmax(axis=1)]
+        assert stated[f"{scheme}_hz"].to_numpy() == pytest.approx(width, rel=0.01)
+        assert (figures.margin >= 0.999 * MARGIN).all()

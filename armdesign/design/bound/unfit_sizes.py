@@ -47,17 +47,19 @@ def refuse_unfit_catalogue(problem: Problem) -> None:
         several, names = len(lacking) > 1, [problem.machine.cylinders[i].name for i in lacking]
         fault = (
             f"has no size for the {', '.join(names)} {'cylinders' if several else 'cylinder'}:"
-            f" {'their' if several else 'its'} requirements allow none, wherever pins lie in their"
-            " boxes"
+            f" {'their' if several else 'its'} requirements allow none, wherever pins lie in"
+            " the boxes"
         )
         pairs = zip(names, lacking.values(), strict=True)
         ways = "; ".join(f"for the {name} {_spans(sizes)}" for name, sizes in pairs)
         others = f"offer others: in steps of {GRID_MM} mm these might do: {ways}"
-        remedy = f"{others}; or relax, at least so far,"
         relaxed = [way for i in lacking if (way := _relaxations(wide, i, offered, bars))]
-        if len(relaxed) < len(lacking):
-            relaxed.append("several of their requirements")
-        raise InfeasibleError("catalogue", fault, f"{remedy} {', and '.join(relaxed)}")
+        remedy = f"relax, at least so far, {', and '.join(relaxed)}"
+        if not relaxed:
+            remedy = "relax several requirements together, as no single one is enough"
+        elif len(relaxed) < len(lacking):
+            remedy += ", and several requirements of the rest together"
+        raise InfeasibleError("catalogue", fault, f"{others}; or {remedy}")
 
 
 def _relaxations(

@@ -207,7 +207,8 @@ def conflict_table(conflict: Sequence[Concession], options: Sequence[str] = ()) 
     if stays := [c.name for c in conflict if c not in gives]:
         lines += ["", f"not relaxed: {', '.join(stays)}"]
     if options:
-        lines += ["", " ".join(options)]
+        words = [option for option in options if option.startswith("--")]
+        lines += ["", *filter(None, [" ".join(words)]), *(o for o in options if o not in words)]
     return "\n".join(lines)
 
 
@@ -247,9 +248,11 @@ def _settings(conflict: Sequence[Concession]) -> str:
 
 
 def _options(conflict: Sequence[Concession]) -> list[str]:
-    """The same as options of a command; factors in words."""
+    """The same as options of a command; factors, which no option takes, in words."""
     return [
-        f"{setting} × {value}" if _is_factor(setting) else f"--set requirements.{setting}={value}"
+        f"and in the file every speed of [requirements.{setting}] × {value}"
+        if _is_factor(setting)
+        else f"--set requirements.{setting}={value}"
         for setting, value in _values(conflict).items()
     ]
 
