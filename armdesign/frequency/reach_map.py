@@ -5,7 +5,8 @@ cell is then computed. Were the frequency linear in the joints, its least over a
 tool in a cell would be at a vertex: all joints but two at a limit, the tool on the cell's border.
 So poses are taken where the surfaces of limits cross borders, the best of each cell is moved to
 the cell's corners, poses inside the joint box and about the best are tried as well, and the tool
-is led over the rim into cells of which it reaches but a corner.
+is led over the rim into cells of which it reaches but a corner. Where oil carries air, poses in
+which it is softest are tried too, and all frequencies are computed.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from armdesign.frequency.joint_grid import default_counts, nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.reach_plane import place_and_pitch, places, reach_and_height
 from armdesign.frequency.reach_rim import least_motion, led_into_cells, poses_over_rim
+from armdesign.frequency.softest_poses import softest_poses
 from armdesign.frequency.spread import (
     box_poses,
     joints_without_effect,
@@ -49,6 +51,8 @@ FAR = 1.15  # times a known frequency: what is found first is hardly 7 % above t
 CORNERS = (-1, -1), (-1, 1), (1, -1), (1, 1)
 ASIDE = 0.01  # of a cell, distance of poses from its border
 CORRECTIONS = 2  # on the way to a corner
+SOFTEST = 4000  # of the poses inside from which those are sought where oil with air is softest,
+BESIDE = 0.1  # and how far from the lowest of each cell, of the joints' ranges
 DAMPING = 1e-12  # there, of squared slopes, or in m²
 WHOLE = 1 - 1e-9  # of a cell: the longer side has one more than their number, however rounded
 FINER = 2  # times as many poses in the default joint grid, from which it replaces a coarse one
@@ -148,7 +152,11 @@ class _Between:
         """
         fixed = joints_without_effect(self.machine)
         inside = box_poses(self.ranges, fixed, INSIDE, INSIDE // 2)
-        q, points = self._tried(np.concatenate([inside, self._on_borders(cells)]))
+        first = [inside, self._on_borders(cells)]
+        if self.machine.fluid.aerated:
+            some = inside[:: max(1, len(inside) // SOFTEST)]
+            first.append(softest_poses(self.machine, self.ranges, some))
+        q, points = self._tried(np.concatenate(first))
         tried = np.bincount(_cell(points, *cells), minlength=least.size)
         over = poses_over_rim(self.machine, self.ranges, q, points[:, :2], cells)
         q, points = self._lowest(cells, over, q, points)
@@ -160,6 +168,9 @@ class _Between:
         for width in WIDTHS:
             q, points = self._lowest(cells, self._around(q, width), q, points)
             q, points = self._lowest(cells, self._to_corners(q, points, cells), q, points)
+            if self.machine.fluid.aerated:
+                soft = softest_poses(self.machine, self.ranges, q, BESIDE)
+                q, points = self._lowest(cells, soft, q, points)
         points = self._made_exact(q, points, cells)
         return points[np.isfinite(points[:, 2])]
 
@@ -276,6 +287,8 @@ class _Between:
             place[rows], exists[rows] = places(self.machine, rigid), self.case.exists_at(rigid)
         beyond = q[~exists & np.isfinite(frequency)]
         q, points = q[exists], np.column_stack([place, frequency])[exists]
+        if self.machine.fluid.aerated:  # nothing is linear in its valleys, see ``softest_poses``
+            points = _computed(self.machine, q)
         unknown = np.flatnonzero(np.isnan(points[:, 2]))
         unknown = unknown[:: 1 + len(unknown) // EXACT]
         points[unknown] = _computed(self.machine, q[unknown])

@@ -70,6 +70,28 @@ def test_no_pose_lies_below_its_cell_of_the_reach_picture(name: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["excavator_20t", "mini_excavator_2t"])
+def test_valleys_of_oil_with_air_are_in_the_reach_picture(name: str) -> None:
+    """Along poses in which an actuator's chambers are at equal pressure, brute force finds but few
+    cells that are too high: with interpolated frequencies 40 to 50 by more than 2 %, up to 16 %.
+    """
+    machine = ad.load(name).replace({"fluid.entrained_air_percent": 1.0})
+    frequencies = ad.frequency_map(machine)
+    reach, low, high = frequencies.reach_map(), *frequencies.workspace.ranges.T
+    poses = np.random.default_rng(3).uniform(low, high, (100_000, len(low)))
+    least = np.full(reach.frequency.shape, np.inf)
+    for payload in machine.payloads:
+        case = machine.with_payload(payload.name)
+        held = case.at(poses[case.holds(case.arm.kinematics(poses))])
+        place = np.stack([machine.arm.reach(held.q, held.tool), held.tool[:, 2]])
+        cell = tuple(map(nearest, (reach.reach, reach.height), place))
+        np.minimum.at(least, cell, lowest_frequency(held))
+    ratio = reach.frequency[np.isfinite(least)] / least[np.isfinite(least)]
+    assert ratio.max() < 1.08
+    assert (ratio > 1.02).sum() <= 6
+
+
+@pytest.mark.slow
 def test_no_pose_on_a_joint_end_and_a_pitch_limit_lies_below_its_cell() -> None:
     """Brute force along these curves, which cut but a corner off some cells: two were up to 48 %
     too high.

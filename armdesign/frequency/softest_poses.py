@@ -1,0 +1,53 @@
+"""Poses in which oil with air is softest: the chambers of an actuator are at equal pressure.
+
+Air makes oil the softer the lower its pressure. The chamber without load stands at the preload,
+and the other falls to it as the force does to preload × (A1 − A2); beyond, they change places. So
+frequencies have narrow valleys along these poses, of which a joint grid has hardly any.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armdesign.arrays import Array, chunks
+from armdesign.machine.machine import Machine
+
+STEP = 1e-3  # of a joint's range, of differences
+STEPS = 2  # of Newton's
+
+
+def softest_poses(machine: Machine, ranges: Array, q: Array, most: float = np.inf) -> Array:
+    """Poses near some (n, nq), by Newton steps along the slopes of each actuator's force.
+
+    Args:
+        machine: with the load case at work.
+        ranges: of the joints (nq, 2) [rad, m]; no pose lies outside.
+        q: from where (n, nq).
+        most: how far from there, of each joint's range.
+    """
+    low, high = ranges.T
+    found = [q[:0]]
+    for i, actuator in enumerate(machine.actuators) if len(q) else ():
+        preload, at = actuator.preload(machine.supply.return_pressure), q
+        balance = preload * (actuator.bore_area - actuator.annulus_area)
+        for _ in range(STEPS):
+            force, slopes = _force_and_slopes(machine, ranges, at, i)
+            size = np.maximum((slopes**2).sum(axis=1), 1e-9)
+            shares = ((balance - force) / size)[:, None] * slopes
+            at = np.clip(at + shares * (high - low), low, high)
+        found.append(at[(np.abs(at - q) < most * (high - low)).all(axis=1)])
+    return np.concatenate(found)
+
+
+def _force_and_slopes(machine: Machine, ranges: Array, q: Array, i: int) -> tuple[Array, Array]:
+    """Static force of an actuator (n,) [N], and its slopes by shares of joint ranges (n, nq)."""
+    low, high = ranges.T
+    inward = np.where(q + STEP * (high - low) > high, -1.0, 1.0)
+    aside = np.eye(len(low))[:, None] * (STEP * (high - low) * inward)
+    poses = np.concatenate([q[None], q + aside]).reshape(-1, len(low))
+    parts = (
+        machine.evaluate(machine.rigid_poses(poses[rows])).cylinder_forces[:, i]
+        for rows in chunks(len(poses))
+    )
+    force = np.concatenate(list(parts)).reshape(len(low) + 1, len(q))
+    return force[0], ((force[1:] - force[0]) / STEP).T * inward
