@@ -216,6 +216,7 @@ def frame(ax: Axes, limits: Array, view: SideView, room: float) -> None:
     left, right = left - space, right + space
     ax.set(xlim=(left, right), ylim=(low, high), xlabel="reach [m]", ylabel="height [m]")
     ax.set(aspect="equal", anchor="NW")
+    ax.locator_params(steps=[1, 2, 5, 10])  # 0.25 is wider than there is room for
     _earth(ax, view)
 
 

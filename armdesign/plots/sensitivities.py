@@ -76,6 +76,9 @@ def linear_against_exact(answer: WhatIf, ax: Axes | None = None) -> Axes:
     """Axes with the relative change of every quantity, linear over exact."""
     ax = figure(1, 6.4, 5.6)[1][0] if ax is None else ax
     frame = answer.numbers.dropna(subset=["linear_change", "change"]).reset_index()
+    if frame.empty:
+        place: Style = {"transform": ax.transAxes, "ha": "center", "color": INK}
+        ax.text(0.5, 0.5, "no number has a linear estimate", **place)
     exact, linear = 100 * frame["change"], 100 * frame["linear_change"]
     hertz, lift = frame["unit"] == "Hz", frame["quantity"].str.startswith("lift at ")
     groups = ((hertz, MARK, "frequencies"), (lift, CYLINDER, "lift chart"))
