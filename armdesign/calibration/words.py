@@ -44,10 +44,11 @@ def findings(
         warnings: of the measurements.
     """
     sentences = [_errors(frame)] if frame["measured_hz"].notna().any() else []
-    if fit is not None and fit.scale > POOR:
+    if (best := fit or of_all).scale > POOR:
+        values = "no values" if fit is None else "the fitted values do not"
         sentences.append(
-            f"the fitted values do not explain the measurements: these are missed by"
-            f" {fit.scale:.1f} times their deviations"
+            f"{values} explain the measurements: these are missed by {best.scale:.1f} times their"
+            " deviations"
         )
     for one in of_all.problem.unknowns:
         if one.path in loose:

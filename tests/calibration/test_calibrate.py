@@ -69,6 +69,9 @@ def test_deviations_grow_where_the_machine_misses() -> None:
     assert one.fit is not None
     assert one.fit.scale == pytest.approx(np.sqrt(np.sum(misses**2) / 7), rel=1e-3)
     assert any("do not explain the measurements" in line for line in one.findings)
+    none = ad.calibrate(machine, table, ["cylinder.lift.friction.viscous_N_s_per_m"])
+    assert none.fit is None
+    assert any("no values explain the measurements" in line for line in none.findings)
 
 
 def test_what_looks_alike_is_not_claimed() -> None:
