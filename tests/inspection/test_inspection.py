@@ -20,6 +20,7 @@ from armdesign.units import SI, WORKSHOP, share_text
 from tests import machines
 from tests.commands import main
 from tests.inspection.inspected import EXCAVATOR, inspected, odd, written
+from tests.sprung import two_masses
 
 # ---------------------------------------------------------------------------------------- oddities
 
@@ -141,6 +142,13 @@ def test_a_moment_arm_that_nearly_vanishes() -> None:
     assert re.search(
         r"moment arm falls to 1\d % of its largest at boom -?8\d\.\d° \(below 15 %\)", words
     )
+
+
+def test_a_spring_on_a_slide_that_rests_aside() -> None:
+    """Its ``at_mm`` is a number, no point."""
+    machine = two_masses(1e6, more="at_mm = 2.0\n")
+    found = inspect(machine, ad.Workspace.grid(machine, 3)).findings()
+    assert not [finding for finding in found if "at_mm" in finding.part]
 
 
 def test_a_link_without_mass() -> None:

@@ -143,6 +143,16 @@ def test_faults(change: dict[str, Any], message: str) -> None:
         ad.plan_move(ad.load("paper_1dof"), **arguments)
 
 
+def test_a_move_after_which_nothing_rings_is_refused() -> None:
+    """With so much friction; and damping that only leaves ``ei`` no room leaves others theirs."""
+    machine = ad.load("paper_1dof")
+    damped = machine.replace({"cylinder.lift.friction.viscous_N_s_per_m": 1e7})
+    with pytest.raises(ad.ArmDesignError, match=r"paper_1dof: move: no mode rings where it ends"):
+        ad.plan_move(damped, [-0.2], [0.1], spread=0.0)
+    move = ad.plan_move(machine, [-0.2], [0.1], spread=0.0, damping=0.6)
+    assert [shaper.name for shaper in move.shapers] == ["zvd", "zv", "zvd"]
+
+
 def test_the_shortest_duration_that_is_named_works() -> None:
     machine = ad.load("paper_1dof")
     with pytest.raises(ad.ArmDesignError) as caught:

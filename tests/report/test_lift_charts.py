@@ -46,6 +46,7 @@ def test_one_chart_is_a_grid() -> None:
     sheet = lift_sheet({"": chart})
     assert sheet.columns == ("[m]", "3", "4.5", "6", "7.5")
     assert sum(cell != "" for row in sheet.rows for cell in row[1:]) == len(chart.reach)
+    assert "(ISO 10567); with bucket at -49.7°; limited by" in sheet.note
     row = next(row for row in sheet.rows if row[0] == "0")
     places = list(zip(chart.reach, chart.height, strict=True))
     assert row[1] == f"{chart.capacity[places.index((3.0, 0.0))]:.0f} stick"
