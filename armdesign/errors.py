@@ -49,9 +49,11 @@ class ArmDesignError(Exception):
         passing: whether it may pass without another input, as it comes from the surroundings: a
             disk, a file, a package, memory, an environment variable. An error that is raised where
             Python's own for these is handled is.
+        finished: a result with the answers that were found before it; None for none.
     """
 
     passing: bool = False
+    finished: Any = None
 
     def __init__(
         self, part: str, fault: str, remedy: str = "", line: int | None = None, key: str = ""

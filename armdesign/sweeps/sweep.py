@@ -110,7 +110,8 @@ def sweep(
 
     Raises:
         ArmDesignError: anything that keeps all cases from an answer. What is wrong with one case
-            is in the frame.
+            is in the frame. Where a function gives none of some ``outputs``, which is known at
+            the end, ``finished`` of the error has all answers.
         Stopped: Ctrl-C, with the cases that were finished before it.
 
     Example:
@@ -185,7 +186,11 @@ class _CaseRunner:
                 self._within_a_command(different, known)
         except KeyboardInterrupt as stop:
             raise Stopped(self._sweep(cases, known)) from stop
-        self._refuse_unknown_outputs(known.values())
+        try:
+            self._refuse_unknown_outputs(known.values())
+        except ArmDesignError as error:
+            error.finished = replace(self._sweep(cases, known), outputs=None)
+            raise
         return self._sweep(cases, known)
 
     def _sweep(self, cases: Sequence[Case], known: Mapping[str, Entry]) -> Sweep:

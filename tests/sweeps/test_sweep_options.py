@@ -92,3 +92,15 @@ def test_what_no_design_changed_is_an_empty_column(tmp_path: Path) -> None:
         study.write_text(text.replace(right, wrong))
         with pytest.raises(ad.ArmDesignError, match=f'no case has .*{wrong}.*mean ".*{right}'):
             ad.sweep(**read_study(study, ad.load))
+
+
+def test_a_misspelt_answer_of_a_function_loses_none() -> None:
+    """Which names a function gives, only all cases know; they are with the error."""
+
+    def twice(machine: ad.Machine, workspace: ad.Workspace, k: int) -> dict[str, float]:
+        return {"double": 2.0 * k}
+
+    options = [{"k": k} for k in range(3)]
+    with pytest.raises(ad.ArmDesignError, match="no case has 'duoble'; did you mean") as caught:
+        ad.sweep("paper_1dof", None, twice, options=options, points=2, outputs=["duoble"])
+    assert list(caught.value.finished.frame["double"]) == [0.0, 2.0, 4.0]
