@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array, chunks
+from armdesign.hydraulics.actuator import Actuator
+from armdesign.hydraulics.fluid import Supply
 from armdesign.machine.machine import Machine
 
 STEP = 1e-3  # of a joint's range, of differences
@@ -28,15 +30,20 @@ def softest_poses(machine: Machine, ranges: Array, q: Array, most: float = np.in
     low, high = ranges.T
     found = [q[:0]]
     for i, actuator in enumerate(machine.actuators) if len(q) else ():
-        preload, at = actuator.preload(machine.supply.return_pressure), q
-        balance = preload * (actuator.bore_area - actuator.annulus_area)
+        force_there, at = _force_at_equal_pressures(actuator, machine.supply), q
         for _ in range(STEPS):
             force, slopes = _force_and_slopes(machine, ranges, at, i)
             size = np.maximum((slopes**2).sum(axis=1), 1e-9)
-            shares = ((balance - force) / size)[:, None] * slopes
+            shares = ((force_there - force) / size)[:, None] * slopes
             at = np.clip(at + shares * (high - low), low, high)
         found.append(at[(np.abs(at - q) < most * (high - low)).all(axis=1)])
     return np.concatenate(found)
+
+
+def _force_at_equal_pressures(actuator: Actuator, supply: Supply) -> float:
+    """Static force [N] under which neither chamber is loaded more than the other."""
+    lowest = max(actuator.preload(supply.return_pressure), supply.return_pressure)
+    return lowest * (actuator.bore_area - actuator.annulus_area)
 
 
 def _force_and_slopes(machine: Machine, ranges: Array, q: Array, i: int) -> tuple[Array, Array]:
