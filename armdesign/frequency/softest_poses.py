@@ -18,7 +18,7 @@ STEP = 1e-3  # of a joint's range, of differences
 STEPS = 2  # of Newton's
 
 
-def softest_poses(machine: Machine, ranges: Array, q: Array, most: float = np.inf) -> Array:
+def softest_poses(machine: Machine, ranges: Array, q: Array, most: float = 1.0) -> Array:
     """Poses near some (n, nq), by Newton steps along the slopes of each actuator's force.
 
     Args:
@@ -36,7 +36,7 @@ def softest_poses(machine: Machine, ranges: Array, q: Array, most: float = np.in
             size = np.maximum((slopes**2).sum(axis=1), 1e-9)
             shares = ((force_there - force) / size)[:, None] * slopes
             at = np.clip(at + shares * (high - low), low, high)
-        found.append(at[(np.abs(at - q) < most * (high - low)).all(axis=1)])
+        found.append(at[(np.abs(at - q) <= most * (high - low)).all(axis=1)])
     return np.concatenate(found)
 
 
