@@ -40,6 +40,8 @@ kN = 1e3
 deg = math.pi / 180.0
 l_per_min = litre / 60.0
 
+SIZED = "N", "N m", "kg"  # small machines have less of them than decimals show: two more then
+TINY = 0.02  # of the last decimal, below which it is nothing
 GRAVITY = 9.81  # [m/s²], the value of Pinocchio's default model
 ATMOSPHERE = 101_325.0  # [Pa]
 
@@ -58,6 +60,8 @@ class Units:
         """A value [unit, SI] as its number alone."""
         factor, _, usual = self.table[unit]
         digits = usual if decimals is None else decimals
+        if unit in SIZED and TINY <= abs(value / factor) * 10**digits < 1:
+            digits += 2
         return f"{round(float(value / factor), digits) + 0.0:.{digits}f}"  # 0.0, never -0.0
 
     def text(self, value: float, unit: str, decimals: int | None = None) -> str:

@@ -35,6 +35,14 @@ def test_nothing_is_printed_as_minus_nothing() -> None:
     assert WORKSHOP.text(-1e-12, "rad") == "0.0°"
 
 
+def test_small_machines_have_masses_and_torques() -> None:
+    """Less than decimals show has two more; but for what is rounding."""
+    masses, torques = (0.3, 0.03, 1e-9, 1.4), (42.0, -62.0)
+    assert [WORKSHOP.number(m, "kg") for m in masses] == ["0.30", "0.03", "0", "1"]
+    assert [WORKSHOP.number(t, "N m") for t in torques] == ["0.042", "-0.062"]
+    assert WORKSHOP.number(0.03, "kg", 1) == "0.030"
+
+
 def test_units_show_what_is_meant_for_others() -> None:
     """No imports and no helpers; every factor that a file's units need."""
     shown = {name for name in dir(ad.units) if not name.startswith("_")}

@@ -75,10 +75,16 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
     moving = [joint.name for joint in machine.arm.coordinates]
     for link, mass in inspection.masses.items():
         carrier = machine.arm.links[link].joint
-        rows.append((f"link {link}", f"{mass:.1f}", moving[carrier] if carrier >= 0 else "fixed"))
+        rows.append(
+            (
+                f"link {link}",
+                units.number(mass, "kg", 1),
+                moving[carrier] if carrier >= 0 else "fixed",
+            )
+        )
     for cylinder in machine.cylinders:
         rows += [
-            (f"{cylinder.name} {bar}", f"{mass:.1f}", "")
+            (f"{cylinder.name} {bar}", units.number(mass, "kg", 1), "")
             for bar, mass in cylinder.moving_masses.items()
         ]
     for payload in machine.payloads:
@@ -87,7 +93,7 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
             held = 100 * inspection.share_held(payload.name)
             low, high = payload.limits
             where += f", pitch {units.span(low, high, 'rad')}: {held:.0f} % of the poses"
-        rows.append((f"payload {payload.name}", f"{payload.mass:.1f}", where))
+        rows.append((f"payload {payload.name}", units.number(payload.mass, "kg", 1), where))
     bare = [c.name for c in machine.cylinders if not c.moving_masses]
     note = f"no mass given for cylinder{'s' * (len(bare) > 1)} {', '.join(bare)}" * bool(bare)
     heads = ("part", "mass [kg]", "where")
