@@ -75,13 +75,8 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
     moving = [joint.name for joint in machine.arm.coordinates]
     for link, mass in inspection.masses.items():
         carrier = machine.arm.links[link].joint
-        rows.append(
-            (
-                f"link {link}",
-                units.number(mass, "kg", 1),
-                moving[carrier] if carrier >= 0 else "fixed",
-            )
-        )
+        carried = moving[carrier] if carrier >= 0 else "fixed"
+        rows.append((f"link {link}", units.number(mass, "kg", 1), carried))
     for cylinder in machine.cylinders:
         rows += [
             (f"{cylinder.name} {bar}", units.number(mass, "kg", 1), "")
