@@ -299,7 +299,7 @@ class _Steady:
         i = int(stuck[0])
         actuator, cap, annulus = machine.actuators[i], flow.cap[row, i], flow.annulus[row, i]
         if min(cap, annulus) <= LOWEST + bar:
-            return f"vapour would fill {actuator.chamber(annulus < cap)}"
+            return f"vapour would fill {actuator.chamber(int(annulus < cap))}"
         if abs(flow.spool[row, i]) > 1 - 1e-9:
             return f"{actuator.name}'s valve, fully open, passes less"
         return f"{actuator.name}'s reliefs open under its load"

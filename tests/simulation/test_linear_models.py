@@ -216,6 +216,14 @@ def test_the_share_that_is_told_can_be() -> None:
     assert ad.linearize(machine, WORST, speed=[share, 0.0, 0.0]).stable
 
 
+def test_a_chamber_that_vapour_would_fill_is_named() -> None:
+    """The load lowers the boom faster than its fully open valve fills the annulus."""
+    with pytest.raises(SimulationError, match=r"vapour would fill boom's annulus; 0\.9"):
+        ad.linearize(
+            machines.named("excavator_20t"), [-0.7216, -0.6287, -2.1913], opening={"boom": -1.0}
+        )
+
+
 def test_unstable_poses_are_told_with_a_stable_one() -> None:
     """On oil a hundred times too soft; of many poses they are flagged, by K ≻ 0."""
     machine = machines.named("excavator_20t").replace({"fluid.bulk_modulus_MPa": 10.0})
