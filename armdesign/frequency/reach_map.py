@@ -171,7 +171,8 @@ class _Between:
             if self.machine.fluid.aerated:
                 soft = softest_poses(self.machine, self.ranges, q, BESIDE)
                 q, points = self._lowest(cells, soft, q, points)
-        points = self._made_exact(q, points, cells)
+        if not self.machine.fluid.aerated:
+            points = self._made_exact(q, points, cells)
         return points[np.isfinite(points[:, 2])]
 
     def _made_exact(self, q: Array, points: Array, cells: tuple[Array, Array]) -> Array:
@@ -275,7 +276,7 @@ class _Between:
         """The poses (n, nq) at which the load case exists, their points (m, 3), the poses beyond.
 
         Frequencies are linear between the nodes, and computed where a box of the grid has corners
-        out of stroke.
+        out of stroke; all are where oil carries air, as nothing is linear in its valleys.
         """
         frequency = self._linear(self.nodes, q)
         near = np.isfinite(frequency)
@@ -287,10 +288,10 @@ class _Between:
             place[rows], exists[rows] = places(self.machine, rigid), self.case.exists_at(rigid)
         beyond = q[~exists & np.isfinite(frequency)]
         q, points = q[exists], np.column_stack([place, frequency])[exists]
-        if self.machine.fluid.aerated:  # nothing is linear in its valleys, see ``softest_poses``
-            points = _computed(self.machine, q)
         unknown = np.flatnonzero(np.isnan(points[:, 2]))
         unknown = unknown[:: 1 + len(unknown) // EXACT]
+        if self.machine.fluid.aerated:
+            unknown = np.arange(len(q))
         points[unknown] = _computed(self.machine, q[unknown])
         known = np.isfinite(points).all(axis=1)
         return q[known], points[known], beyond
