@@ -52,5 +52,4 @@ def _identity(value: Any) -> Any:
     try:
         return value.identity
     except AttributeError:
-        fault = f"Object of type {type(value).__name__} is not JSON serializable"
-        raise TypeError(fault) from None
+        raise TypeError(f"a value of type {type(value).__name__}") from None

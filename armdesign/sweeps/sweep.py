@@ -326,9 +326,8 @@ def _study(
         poses += [[axis.tolist() for axis in workspace.axes], workspace.end_margin, workspace.kind]
     try:
         shared = canonical([version("armdesign"), task[1], exact(dict(options)), poses, points])
-    except (TypeError, ValueError) as error:
-        fault, remedy = f"cannot be written down ({error})", "give numbers, texts and lists"
-        raise ArmDesignError("options", fault, remedy) from None
+    except (TypeError, ValueError):
+        raise _unwritten(options=options) from None
     return Study(
         identity=digest(shared),
         version=version("armdesign"),
@@ -390,6 +389,23 @@ def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
         raise ArmDesignError(f"options.{name}", fault, "give it another name")
 
 
+def _unwritten(**given: Mapping[str, Any]) -> ArmDesignError:
+    """Error of the first of changes or options that no journal can hold."""
+    for kind, values in given.items():
+        for name, value in values.items():
+            try:
+                canonical(exact(value))
+            except TypeError as error:
+                why = str(error)
+            except ValueError:
+                why = "a number of thousands of digits, or a list within itself"
+            else:
+                continue
+            fault = f"cannot be written down: {why}"
+            return ArmDesignError(f"{kind}.{name}", fault, "give numbers, texts and lists of them")
+    return ArmDesignError(" or ".join(given), "cannot be written down", "give texts as names")
+
+
 def _cases(
     study: Study,
     chosen: Sequence[Changes],
@@ -409,10 +425,8 @@ def _cases(
             for changes, options in product(chosen, sets):
                 try:
                     key = digest([identity, payload, exact(dict(changes)), exact(dict(options))])
-                except (TypeError, ValueError) as error:  # or a number of 5000 digits
-                    fault = f"cannot be written down ({error})"
-                    remedy = "give numbers and texts"
-                    raise ArmDesignError("changes or options", fault, remedy) from None
+                except (TypeError, ValueError):
+                    raise _unwritten(changes=changes, options=options) from None
                 yield Case(
                     key=key, machine=name, payload=payload, changes=changes, options=options
                 )

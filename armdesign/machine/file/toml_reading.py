@@ -13,6 +13,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import date, time
 from functools import cached_property
 from typing import Any
 
@@ -39,14 +40,16 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
         raise MachineFileError(source, f"a key has more than {DEEPEST} parts", FEWER, line)
     try:
         data = tomllib.loads(text)
-    except ValueError as error:  # TOMLDecodeError, or a whole number of 5000 digits
-        words = str(error).removesuffix("(at end of document)").strip()
-        at_end = isinstance(error, tomllib.TOMLDecodeError)
+    except tomllib.TOMLDecodeError as error:
+        words, at_end = str(error).removesuffix("(at end of document)").strip(), True
+    except ValueError:
+        words, at_end = "a whole number of thousands of digits", False
     except RecursionError:
         words, at_end = "nested too deeply", False
     else:
         if excess := _excess(data):
             raise MachineFileError(source, excess, FEWER)
+        _refuse_dates(data, KeyLines(text), source)
         return data
     place = _PLACE.search(words)
     if place is None:
@@ -73,6 +76,17 @@ def _excess(data: dict[str, Any]) -> str:
         return f"more than {DEEPEST} tables or lists are within each other"
     excess = (kind for kind in MOST if counts[kind] > MOST[kind])
     return next((f"{counts[kind]} {kind}, more than {MOST[kind]}" for kind in excess), "")
+
+
+def _refuse_dates(node: Any, lines: KeyLines, source: str, *keys: str) -> None:
+    """Raise for a date or time, which TOML has and no key takes."""
+    if isinstance(node, date | time):
+        path, remedy = ".".join(keys), "give a number, or a text in quotes"
+        fault = f"{node} is a date or time, which no key takes"
+        raise MachineFileError(f"{source}: {path}", fault, remedy, lines.line_of(path))
+    if isinstance(node, dict | list):
+        for key, value in node.items() if isinstance(node, dict) else enumerate(node):
+            _refuse_dates(value, lines, source, *keys, str(key))
 
 
 def _end_or_longest_line(text: str, at_end: bool) -> str:
