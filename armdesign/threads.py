@@ -10,32 +10,36 @@ from contextvars import copy_context
 from itertools import chain, islice
 from typing import TypeVar
 
+Part = TypeVar("Part")
 T = TypeVar("T")
 
 MOST = 4  # threads: with more, they wait for each other's Python
 
 
-def in_threads(work: Callable[[slice], T], slices: Iterable[slice]) -> Iterator[T]:
-    """Results of work on each slice, in order, by as many threads as BLAS may use.
+def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
+    """Results of work on each part, in order, by as many threads as BLAS may use.
 
-    NumPy's linear algebra lets other threads go on meanwhile. A slice is begun when few results
-    before it wait to be taken, so that memory stays flat. The numbers are those of one thread, to
-    the last bit.
+    NumPy's linear algebra and compiled code let other threads go on meanwhile. A part is begun
+    when few results before it wait to be taken, so that memory stays flat; after an error only
+    those under way are ended. The numbers are those of one thread, to the last bit.
     """
-    slices = iter(slices)
-    ahead = list(islice(slices, 2))
+    parts = iter(parts)
+    ahead = list(islice(parts, 2))
     threads = 1 if len(ahead) < 2 else min(_of_blas(), MOST)
     if threads == 1:
-        yield from map(work, chain(ahead, slices))
+        yield from map(work, chain(ahead, parts))
         return
-    with ThreadPoolExecutor(threads) as pool:
+    pool = ThreadPoolExecutor(threads)
+    try:
         waiting: deque[Future[T]] = deque()
-        for rows in chain(ahead, slices):
-            waiting.append(pool.submit(copy_context().run, work, rows))
+        for part in chain(ahead, parts):
+            waiting.append(pool.submit(copy_context().run, work, part))
             if len(waiting) > threads:
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def one_thread() -> AbstractContextManager[object]:

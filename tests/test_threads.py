@@ -97,3 +97,14 @@ def test_two_threads_give_the_bits_of_one(name: str, monkeypatch: pytest.MonkeyP
     assert np.array_equal(maps[0].stiffness_parts, maps[1].stiffness_parts)
     assert maps[0].worst.frequency == maps[1].worst.frequency
     assert np.array_equal(modes[0].shapes, modes[1].shapes)
+
+
+def test_two_threads_give_the_gains_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine, found = ad.load("excavator_20t"), []
+    monkeypatch.setattr("armdesign.control.map_parts.CHUNK", 5)
+    for threads in (1, 2):
+        monkeypatch.setattr("armdesign.threads._of_blas", lambda count=threads: count)
+        found.append(ad.bandwidth_map(machine, ad.Workspace.grid(machine, 3)))
+    assert len(found[0].frame) > 10
+    assert found[0].frame.equals(found[1].frame)
+    assert found[0].gains.equals(found[1].gains)

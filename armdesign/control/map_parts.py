@@ -22,7 +22,7 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
 from armdesign.mechanism.arm import RigidPoses
 
-CHUNK = 1_000  # poses whose frequency responses are in memory
+CHUNK = 500  # poses whose frequency responses a thread has in memory
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,8 @@ from armdesign.control.map_parts import ControlOptions, MapPart
 from armdesign.control.own_gains import PATH, OwnGains, neighbours
 from armdesign.control.position_gains import individual
 from armdesign.control.tuning import Task, Tuned, damped, keeping, proportional, safe
+from armdesign.progress import counted
+from armdesign.threads import in_threads
 
 ALONE, BESIDE, LAST = pairwise(PATH)  # parts of the path: which starts there are, and the last
 GROWTHS = 4  # of a grid on the last part, at most
@@ -60,7 +62,11 @@ class Schemes:
 
 def schemes(parts: Sequence[MapPart], options: ControlOptions) -> list[Schemes | None]:
     """Controllers at the poses of each part at which one can work; None where none can."""
-    found = [Schemes.of(part.task(options)) if len(part.works) else None for part in parts]
+
+    def found_at(part: MapPart) -> Schemes | None:
+        return Schemes.of(part.task(options)) if len(part.works) else None
+
+    found = list(counted(in_threads(found_at, parts), "part", len(parts)))
     pairs = [(part, each) for part, each in zip(parts, found, strict=True) if each]
     _raise_lowest([part for part, _ in pairs], [each for _, each in pairs], options)
     return found

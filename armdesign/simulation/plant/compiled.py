@@ -87,7 +87,8 @@ def lent(function: F) -> F:
 
 def _compiled(function: F, *, counts: bool, lent: bool = False) -> F:
     njit: Any = numba.njit  # its types lack the switch of reference counts, which is not public
-    dispatcher = njit(error_model="numpy", _nrt=counts, no_cfunc_wrapper=not lent)(function)
+    options = {"error_model": "numpy", "_nrt": counts, "no_cfunc_wrapper": not lent}
+    dispatcher = njit(**options, nogil=True)(function)  # other threads go on
     if hasattr(dispatcher, "compile"):  # numba is not switched off
         module, name = function.__module__.rpartition(".")[2], cast(Any, function).__qualname__
         dispatcher._cache = _Kept(f"{module}.{name}")
