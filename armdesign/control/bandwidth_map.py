@@ -40,6 +40,7 @@ from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
+from armdesign.threads import in_threads
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -215,8 +216,9 @@ def bandwidth_map(
     if delay:
         refuse_long(delay, min(part.lowest for part in parts), machine)
     found = schemes(parts, options)
-    tables = [_tabled(part, options, each) for part, each in zip(parts, found, strict=True)]
-    bandwidths = _assembled(machine, workspace, options, tables)
+    pairs = zip(parts, found, strict=True)
+    tables = in_threads(lambda pair: _tabled(pair[0], options, pair[1]), pairs)
+    bandwidths = _assembled(machine, workspace, options, list(tables))
     if not bandwidths.frame["own_hz"].any():
         raise no_gains_keep(machine, parts, options)
     return bandwidths
