@@ -69,13 +69,14 @@ def centre_ahead(machine: Machine, rigid: RigidPoses) -> Array | None:
 
 
 def moving_mass(machine: Machine, rigid: RigidPoses) -> tuple[float, Array]:
-    """Mass [kg] of all that moves but slewing, and its moment (n,) [kg m] ahead of the slew axis.
+    """Mass [kg] of what the arm's joints move, and its moment (n,) [kg m] ahead of the slew axis.
 
-    What only slews, such as an excavator's upper structure, belongs to ``[stability]``.
+    What only slews and rocks on springs, such as an excavator's upper structure, belongs to
+    ``[stability]``.
     """
     arm = machine.arm
     masses, places = arm.bodies(rigid)
-    moves = [j for j in range(len(masses)) if j not in arm.slews]
+    moves = [j for j in range(len(masses)) if j not in arm.slews and j not in arm.slews.rocking]
     points = [(float(masses[j]), places[:, j]) for j in moves]
     points += [(mass, motion.value) for mass, motion in machine.bar_points(rigid)]
     moment = sum((m * arm.ahead(rigid.q, at) for m, at in points), np.zeros(len(rigid)))

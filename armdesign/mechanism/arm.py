@@ -185,9 +185,9 @@ class Arm:
     def slews(self) -> Slews:
         """Joints that turn the whole arm about an upright axis."""
         zero = self.kinematics(np.zeros((1, len(self.joints))))
-        frozen = [link.frozen for link in self.links.values() if link.joint >= 0]
-        axes, places = zero.axis[0], zero.translation[0]
-        return slews_of(self.coordinates, self.outwards, axes, places, frozen)
+        frames = zero.rotation[0], zero.translation[0], zero.axis[0]
+        springs = range(len(self.joints), len(self.coordinates))
+        return slews_of(self.coordinates, self.outwards, frames, [*self.links.values()], springs)
 
     @property
     def slewing(self) -> dict[int, float]:

@@ -1,21 +1,20 @@
 """Slews: joints that turn the whole arm about an axis that is upright, or nearly so.
 
 Their axes are nearer to the vertical than to the horizontal, so that a base that is not level has
-them too. The ground is level and at the height of the root.
+them too, and one that rocks on a spring. The ground is level and at the height of the root.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import takewhile
 
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly, read_only
-from armdesign.mechanism.urdf import Frozen, Joint, rotations, turned
+from armdesign.mechanism.urdf import Frozen, Joint, Link, rotations, turned
 
 UPRIGHT = math.sqrt(0.5)  # of a unit vector's height, nearer to the vertical than the horizontal
 
@@ -28,21 +27,25 @@ class Slews(ReadOnly):
         axes: by the coordinate of those that move, from the root out, their direction (3,).
         places: a point of each of these axes (3,) [m].
         frozen: those that do not move, from the root out; they carry the others.
+        rocking: coordinates of springs that carry the whole arm, and rock it.
+        sprung: those of the slews that such a spring carries.
     """
 
     axes: Mapping[int, Array]
     places: Mapping[int, Array]
     frozen: tuple[Frozen, ...] = ()
+    rocking: frozenset[int] = frozenset()
+    sprung: frozenset[int] = frozenset()
 
     def __contains__(self, coordinate: int) -> bool:
         return coordinate in self.axes
 
     @cached_property
     def vertical(self) -> dict[int, float]:
-        """Those about the vertical that no other carries, +1 if up else −1."""
+        """Those about the vertical that nothing else carries, +1 if up else −1."""
         signs: dict[int, float] = {}
         for index, axis in self.axes.items():
-            if abs(abs(float(axis[2])) - 1) >= 1e-12:
+            if index in self.sprung or abs(abs(float(axis[2])) - 1) >= 1e-12:
                 break
             signs[index] = float(axis[2])
         return signs
@@ -85,28 +88,60 @@ def is_upright(joint: Joint | Frozen, axis: Array) -> bool:
 def slews_of(
     coordinates: Sequence[Joint],
     outwards: Sequence[int],
-    axes: Array,
-    places: Array,
-    frozen: Sequence[Sequence[Frozen]],
+    frames: tuple[Array, Array, Array],
+    links: Sequence[Link],
+    springs: Collection[int],
 ) -> Slews:
     """The slews of an arm.
+
+    What carries the whole arm and is frozen about another axis is as fixed.
 
     Args:
         coordinates: joints that move (k).
         outwards: these from the root out.
-        axes: theirs (k, 3), at 0.
-        places: of points of these (k, 3) [m].
-        frozen: joints that do not move, between the root and each moving link, from the root out.
+        frames: theirs, at 0: rotations (k, 3, 3), origins (k, 3) [m] and axes (k, 3).
+        links: of the arm, from the root out.
+        springs: which of the coordinates are springs.
     """
-    names = set[str].intersection(*({one.name for one in each} for each in frozen))
-    carrying = [one for one in frozen[0] if one.name in names]
-    standing = tuple(takewhile(lambda one: is_upright(one, one.axis), carrying))
-    found: list[int] = []
+    rotation, places, axes = frames
+    found, rocking, sprung = list[int](), set[int](), set[int]()
     for index in outwards:
         joint = coordinates[index]
         siblings = sum(other.parent == joint.parent for other in coordinates)
-        carries_all = joint.parent in (-1, *found) and siblings == 1
-        if carries_all and is_upright(joint, axes[index]):
+        if siblings > 1 or joint.parent not in (-1, *found, *rocking):
+            continue
+        if is_upright(joint, axes[index]):
             found.append(index)
+            sprung |= {index} if rocking else set()
+        elif index in springs:
+            rocking.add(index)
+    at_root = [_seen_from_root(one, rotation, places) for one in _carrying(links, rocking)]
     by_axis, by_place = ({j: of[j] for j in found} for of in (axes, places))
-    return Slews(axes=by_axis, places=by_place, frozen=standing)
+    return Slews(
+        axes=by_axis,
+        places=by_place,
+        frozen=tuple(one for one in at_root if is_upright(one, one.axis)),
+        rocking=frozenset(rocking),
+        sprung=frozenset(sprung),
+    )
+
+
+def _carrying(links: Sequence[Link], rocking: Collection[int]) -> list[tuple[int, Frozen]]:
+    """Frozen joints that carry all that other joints move, from the root out.
+
+    Each after the coordinate that carries it itself, −1 for none.
+    """
+    frozen = [link.frozen for link in links if link.joint >= 0 and link.joint not in rocking]
+    names = set[str].intersection(*({one.name for one in each} for each in frozen))
+    ends = (link for link in reversed(links) if link.frozen)  # the first link beyond it counts
+    carrier = {link.frozen[-1].name: link.joint for link in ends}
+    return [(carrier[one.name], one) for one in frozen[0] if one.name in names]
+
+
+def _seen_from_root(carried: tuple[int, Frozen], rotation: Array, places: Array) -> Frozen:
+    """A frozen joint in the frame of the root, not of the coordinate that carries it."""
+    coordinate, one = carried
+    if coordinate < 0:
+        return one
+    axis, place = (rotation[coordinate] @ of for of in (one.axis, one.place))
+    return replace(one, axis=axis, place=place + places[coordinate])

@@ -13,6 +13,7 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.machine.tipping import centre_ahead, tipping_masses
 from tests.machines import BOOM, FOLD, LIFT, STICK, Joint, build
+from tests.sprung import spring
 
 COLUMN = Joint("column", "root", xyz=(0.6, 0.2, 0.8), axis=(0, 0, 1), limits=(-3, 3), mass=700)
 MOTOR = """
@@ -129,3 +130,43 @@ def test_a_frozen_slew_is_one_that_stands_there(lean: tuple[float, float], turn:
     assert np.isfinite(tips[0]).all()
     np.testing.assert_allclose(*tips, rtol=1e-9)
     np.testing.assert_allclose(*places, rtol=1e-12)
+
+
+def _on_a_base(kind: str, order: list[str]) -> Machine:
+    """Column, boom and stick on a base that is fixed, or frozen or on a spring where it is so."""
+    base = Joint("base", "root", axis=(0, 1, 0), limits=(-0.1, 0.1), mass=800.0)
+    column = replace(COLUMN, parent="base")
+    joints = [base, column, replace(BOOM, parent="column"), STICK]
+    joints[0] = replace(base, kind="fixed" if kind == "fixed" else "revolute")
+    more = MOTOR + STABILITY
+    if kind == "spring":
+        more += spring("tracks", "base", 1e8)
+    lift = replace(LIFT, base=("column", (0.7, 0, 0.1)))
+    return build(joints, [lift, FOLD], order=order, more=more)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.2])
+@pytest.mark.parametrize("order", [["column", "boom", "stick"], ["boom", "stick"]])
+def test_a_base_that_rocks_at_rest_tips_as_a_fixed_one(order: list[str], turn: float) -> None:
+    """Its mass is of ``[stability]``, and the slew on it turns what is ahead.
+
+    It was taken for mass that the arm moves, and the slew for none: tipping loads were up to
+    eight times too high.
+    """
+    q = np.column_stack([np.full(4, turn), np.linspace(-0.2, 0.2, 4), np.full(4, -0.1)])
+    at, tips, reaches, masses = q[:, -len(order) :], [], [], []
+    for kind in ("fixed", "frozen", "spring"):
+        machine = _on_a_base(kind, order)
+        if len(order) == 2:
+            machine = machine.replace({"frozen.column": turn})
+        rigid = machine.rigid_poses(at)
+        tool = machine.arm.point(rigid, "stick", np.array([4.0, 0.0, 0.1]))
+        reaches.append(machine.arm.reach(at, tool))
+        tips.append(tipping_masses(machine, rigid, machine.arm.ahead(at, tool)))
+        masses.append(centre_ahead(machine, rigid))
+        idle = machine.idle_joints
+        assert not (kind == "spring" and 0 in idle and len(order) == 3)  # it rocks another way
+    assert np.isfinite(tips[0]).all()
+    for values in (tips, reaches, masses):
+        np.testing.assert_allclose(values[1], values[0], rtol=1e-9)
+        np.testing.assert_allclose(values[2], values[0], rtol=1e-9)
