@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from armdesign.errors import ArmDesignError, MachineFileError, choose
 from armdesign.hydraulics.valve import RELIEF_SHARE
+from armdesign.machine.file.column_names import is_column
 from armdesign.machine.file.likely_values import is_usual_at, likely_units
 from armdesign.machine.file.link_faults import link_faults
 from armdesign.machine.file.numbers import chosen_numbers
@@ -27,10 +27,6 @@ from armdesign.machine.file.section import DEVICE, Section, plain
 from armdesign.machine.parts import pin_sections
 from armdesign.mechanism.linkage.kinds import KINDS
 
-# columns of the CSV files: no joint may have such a name
-RESERVED_NAMES = {"payload", "cylinder", "mode", "linear_hz", "identified_hz", "deviation"}
-RESERVED_NAMES |= {"reach_m", "height_m", "capacity_kg", "hydraulic_kg", "tipping_kg", "limiting"}
-RESERVED_NAMES |= {f"tool_{axis}_m" for axis in "xyz"}
 TINY = 1e-100  # numbers above zero, whose squares are above it too
 Fault = tuple[str, str, str]  # key path, words, remedy
 
@@ -77,7 +73,7 @@ def _of_names(machine: MachineSection) -> Iterator[Fault]:
     if len(set(machine.joints)) < len(machine.joints):
         yield "joints", "a joint is named twice", "name each joint once"
     for name in machine.joints:
-        if name in RESERVED_NAMES or re.fullmatch(r"f\d+_hz", name):
+        if is_column(name, machine.joints, (*machine.cylinder, *machine.motor)):
             yield "joints", f'"{name}" is a column of the CSV files', "rename the joint"
     for name in machine.motor:
         if name in machine.cylinder:

@@ -213,6 +213,8 @@ CASES: list[tuple[str, Any, str]] = [
         r"joint boom_foot: is fixed and cannot be a coordinate",
     ),
     ("joints", ["payload"], r'"payload" is a column of the CSV'),
+    ("joints", ["damping"], r'"damping" is a column of the CSV'),
+    ("joints", ["boom_extension"], r'"boom_extension" is a column of the CSV'),
     ("frozen", {"boom_foot": 0.1}, r"joint boom_foot: is fixed in the URDF and cannot be frozen"),
     ("frozen", {"nothing": 0.1}, r"joint nothing: is not in the URDF"),
     ("tool.link", "bukket", r'tool\.link: no link "bukket" in the URDF; did you mean "bucket"\?'),
