@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter
 from typing import Any
 
 from armdesign.arguments import refuse_unless
@@ -143,7 +144,10 @@ def identity_of(task: str | Task) -> str:
 
 
 def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
-    """Raise for options that a task does not have, or of another kind than one of ours takes."""
+    """Raise for options that a task does not have, or of another kind than one of ours takes.
+
+    And for a function that does not take machine and workspace before them.
+    """
     if not isinstance(options, Mapping):
         raise ArmDesignError("options", f"{options!r} is no set", "give values by name")
     for name in options:
@@ -155,6 +159,7 @@ def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
     except (TypeError, ValueError):  # of a class or function in C
         remedy = "give a function of machine and workspace"
         raise ArmDesignError("task", "does not say what it is given", remedy) from None
+    _refuse_other_beginning(list(parameters.values()), options)
     if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         return
     known = list(parameters)[2:]
@@ -164,3 +169,17 @@ def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
             raise ArmDesignError(f"options.{name}", "is no option of the task", remedy)
         if isinstance(task, str):
             refuse_unless(f"options.{name}", options[name], parameters[name].annotation)
+
+
+def _refuse_other_beginning(parameters: list[Parameter], options: Mapping[str, Any]) -> None:
+    """Raise for a function whose first two parameters are not for machine and workspace."""
+    remedy = "begin its parameters with machine and workspace; options come after them"
+    if any(p.kind is p.VAR_POSITIONAL for p in parameters[:2]):
+        return
+    first = [p for p in parameters[:2] if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    if len(first) < 2:
+        raise ArmDesignError("task", "does not take a machine and a workspace", remedy)
+    second = first[1]
+    if second.name in options or second.default not in (second.empty, None):
+        fault = f"its second parameter, {second.name}, would be given the workspace"
+        raise ArmDesignError("task", fault, remedy)

@@ -339,6 +339,12 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"options": {"start": 1}}, "no option of the task"),
         ({"options": [{"start": 1}]}, "no option of the task"),
         ({"options": [5]}, "is no set"),
+        ({"task": lambda machine: {}}, "task: does not take a machine and a workspace; begin"),
+        ({"task": lambda machine, factor=2.0: {}}, "second parameter, factor, would be given"),
+        (
+            {"task": lambda machine, factor=None: {}, "options": {"factor": 3}},
+            "second parameter, factor, would be given the workspace; begin",
+        ),
         (
             {"task": scaled, "options": [{"factor": object()}]},
             "options.factor: cannot be written down",
