@@ -40,7 +40,7 @@ class PinBoxes:
 
     Attributes:
         pin_box: how far each pin coordinate may move in its link [m]; None: 2.5 % of the largest
-            distance from the first joint to the tool.
+            distance from the first joint, the one next to the root, to the tool.
         pin_boxes: other boxes [m] for pins, by cylinder and pin (``base``, ``rod_end``).
     """
 
@@ -53,10 +53,11 @@ class PinBoxes:
         """Half side of a pin's box where no box of its own is given [m]."""
         if self.pin_box is not None:
             return self.pin_box
-        tool = machine.arm.point(workspace.rigid, machine.tool.link, np.array(machine.tool.at))
-        return float(
-            0.025 * np.linalg.norm(tool - workspace.rigid.translation[:, 0], axis=1).max()
-        )
+        arm, rigid = machine.arm, workspace.rigid
+        tool = arm.point(rigid, machine.tool.link, np.array(machine.tool.at))
+        outwards = [*arm.chain(machine.tool.link), *arm.outwards]
+        first = next(j for j in outwards if j < len(machine.joints))
+        return float(0.025 * np.linalg.norm(tool - rigid.translation[:, first], axis=1).max())
 
     def with_box(self, machine: Machine, workspace: Workspace) -> Self:
         """The requirements with this workspace's pin box stated, whichever workspace is judged."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from numpy.testing import assert_allclose
 
-from armdesign import Machine, Requirements
+from armdesign import Machine, Requirements, Workspace
 from armdesign.design.catalogue.sizes import BUILDABLE, FINE, DrawingGrid
 from armdesign.design.requirements.candidate import spare_shares
 from armdesign.design.requirements.check import check
@@ -82,3 +82,12 @@ def test_less_than_that_is_missed() -> None:
     assert closed.limit == pytest.approx(least - 0.02 * new.cylinders[0].stroke)
     assert closed.slack < 0 <= opened.slack + 1e-9
     assert closed.words == "stroke covers boom with 2 % of it free"
+
+
+def test_the_default_box_does_not_depend_on_the_order_of_the_joints() -> None:
+    """It is of the joint next to the root, however the coordinates are numbered."""
+    boxes = []
+    for order in (["boom", "stick", "bucket"], ["stick", "bucket", "boom"]):
+        machine = named("excavator_20t").replace({"joints": order})
+        boxes.append(Requirements().box(machine, Workspace.grid(machine, points=4)))
+    assert boxes[0] == pytest.approx(boxes[1], rel=1e-12)
