@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from armdesign.design.requirements.record import Concession
 
-# C0 and C1 with delete, line and paragraph separators, turns of the writing's direction, halves of
-# surrogate pairs
-CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+# C0 and C1 with delete, what has no width, marks and turns of the writing's direction, line and
+# paragraph separators, halves of surrogate pairs
+CONTROLS = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u061c\u200b\u200e\u200f\u2028-\u202e\u2060\u2066-\u2069\ufeff\ud800-\udfff]"
+)
 
 DIGITS, READ = re.compile("[0-9,]+"), 60  # of a whole number, of which nobody reads more
 LONGEST = 4_000  # characters of a part, fault or remedy: names in files may have any length

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import os
 import shlex
@@ -100,7 +101,7 @@ def _numbers(column: Array) -> tuple[str, Array]:
 def _as_written(cell: Any) -> str:
     """A cell as CSV has it: quoted where it must be, and no formula."""
     line = io.StringIO()
-    plain = plain_text(cell) if isinstance(cell, str) else cell
+    plain = plain_text(printable(cell)) if isinstance(cell, str) else cell
     csv.writer(line, lineterminator=os.linesep).writerow([plain, ""])
     return line.getvalue().removesuffix(f",{os.linesep}")
 
@@ -268,8 +269,13 @@ def write_validations(
     write_csv(validation_columns(validations, label), folder / "validation.csv")
 
 
-def _refused(out: Path | str, fault: str) -> ArmDesignError:
-    return ArmDesignError(f"--out {out}", fault, "name another folder")
+def _refused(out: Path | str, fault: str, code: int | None = None) -> ArmDesignError:
+    """The error of a folder that cannot be used, with the operating system's code if there is."""
+    full = code in (errno.ENOSPC, errno.EDQUOT)
+    remedy = (
+        "make room and run it again, or name another folder" if full else "name another folder"
+    )
+    return ArmDesignError(f"--out {out}", fault, remedy)
 
 
 def check_out(out: Path) -> None:
@@ -294,7 +300,8 @@ def outputs(out: Path, *, silent: bool = False) -> Iterator[Path]:
                 written = sorted(str(path.relative_to(folder)) for path in files)
                 undisturbed.enter_context(transaction.undisturbed())
         except OSError as error:
-            raise _refused(out, f"cannot be written ({error.strerror})") from None
+            fault = f"cannot be written ({error.strerror})"
+            raise _refused(out, fault, error.errno) from None
         changed.extend(out / name for name in written)
         if not silent:
             tell(f"wrote {', '.join(written)} to {out}/")

@@ -4,12 +4,17 @@ what was finished, and writes what the undisturbed one writes, to the last digit
 
 from __future__ import annotations
 
+import errno
+import shlex
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from armdesign import transaction
+from tests.commands import assert_one_line, main
 
 PARETO = "pareto paper_1dof --points 5 --vary areas --out out"
 CASES = [
@@ -123,3 +128,24 @@ def test_ended_at_random_moments(number: signal.Signals, command: str, tmp_path:
     words = [sys.executable, "-c", DISTURBED, command, str(int(number)), "4"]
     run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert run.returncode == 0, run.stderr
+
+
+def test_a_full_disk_as_files_are_written_says_what_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Another folder was named, in which all begins anew."""
+    words = [*shlex.split("optimize paper_1dof --vary areas --points 5 --out"), str(tmp_path)]
+
+    def full(place: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(transaction, "staged", full)
+        assert main(words, monkeypatch) == 2
+    journal = tmp_path / "optimize.sqlite"
+    kept = f"what was finished is kept in {journal}"
+    remedy = f"make room and run it again, or name another folder; {kept}"
+    assert_one_line(capfd.readouterr().err, f"(No space left on device); {remedy}")
+    assert journal.exists()
+    assert main(words, monkeypatch) == 0
+    assert not journal.exists()

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 FINE = 4e-4  # of the machine's size: details that outlines leave out
 HULL = 0.02  # of the machine's size: half the width of a hull of pins
 ROUND = 6  # segments of a quarter circle
+GRID = 1e-5  # [m] on which corners of visuals lie
+FEW = 1_000  # triangles of a mesh that are united one by one
+MOST_EDGES = 20_000  # of a mesh that may be its border; where there are more, its hull is drawn
 SOURCES = ("visuals", "outline", "pins")
 
 
@@ -137,10 +140,48 @@ def _of_visuals(plane: PicturePlane, link: str, of_link: Iterable[Any]) -> Any:
     foot = arm.point(plane.zero, link, np.zeros(3))[0]
     pieces = [plane.project(convex_pieces(shape) @ rotation.T + foot) for shape in of_link]
     hulls = [
-        shapely.convex_hull(shapely.multipoints(corners)) for piece in pieces for corners in piece
+        [_covered(piece)]
+        if len(piece) > FEW
+        else shapely.convex_hull(shapely.multipoints(shapely.points(piece)))
+        for piece in pieces
     ]
-    areas = [hull for hull in hulls if hull.area > 0]
-    return shapely.union_all(areas, grid_size=1e-5) if areas else shapely.Polygon()
+    areas = [hull for of_piece in hulls for hull in of_piece if hull.area > 0]
+    return shapely.union_all(areas, grid_size=GRID) if areas else shapely.Polygon()
+
+
+def _covered(triangles: Array) -> Any:
+    """The part of the plane that triangles (n, 3, 2) [m] cover, in time that grows with n.
+
+    Edges with triangles on both sides are no border. Of a closed surface few are left, which part
+    the plane into faces, each covered or not. Where too many are left, it is the convex hull.
+    """
+    import shapely
+
+    corners = np.rint(triangles / GRID)
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    turn = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    corners = np.where(turn[:, None, None] < 0, corners[:, ::-1], corners)[turn != 0] * GRID
+    if len(corners) == 0:
+        return shapely.Polygon()
+    edges = _one_sided(corners)
+    if len(edges) > MOST_EDGES:
+        return shapely.convex_hull(shapely.multipoints(corners.reshape(-1, 2)))
+    lines = shapely.union_all(shapely.linestrings(edges), grid_size=GRID)
+    faces = shapely.get_parts(shapely.polygonize([lines]))
+    tree = shapely.STRtree(shapely.polygons(corners))
+    inside = tree.query(shapely.point_on_surface(faces), predicate="intersects")[0]
+    return shapely.union_all(faces[np.unique(inside)], grid_size=GRID)
+
+
+def _one_sided(corners: Array) -> Array:
+    """Edges (m, 2, 2) with triangles (n, 3, 2), all turning left, on their left alone."""
+    _, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    number = number.reshape(-1, 3)
+    begin, end = number.ravel(), np.roll(number, -1, axis=1).ravel()
+    there, back = (a * (number.max() + 1) + b for a, b in ((begin, end), (end, begin)))
+    alone = ~np.isin(there, back)
+    ends = np.roll(corners, -1, axis=1).reshape(-1, 2)
+    return np.stack([corners.reshape(-1, 2)[alone], ends[alone]], axis=1)
 
 
 def _of_outline(machine: Machine, plane: PicturePlane, link: str) -> Any:

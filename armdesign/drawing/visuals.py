@@ -11,7 +11,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.mechanism.urdf import origin
-from armdesign.mechanism.urdf_faults import numbers
+from armdesign.mechanism.urdf_faults import LARGEST, numbers
 
 SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 COUNTS = {"box": 3, "cylinder": 2, "sphere": 1}
@@ -65,7 +65,9 @@ def visuals(urdf_text: str, folder: Path) -> dict[str, tuple[Visual, ...]]:
 def _named_colours(robot: ET.Element) -> Iterator[tuple[str, tuple[float, ...]]]:
     for material in robot.iter("material"):
         if (colour := material.find("color")) is not None:
-            yield material.get("name", ""), tuple(numbers(colour, "rgba", "").tolist())
+            rgba = numbers(colour, "rgba", "")
+            if rgba.shape == (4,) and np.isfinite(rgba).all():
+                yield material.get("name", ""), tuple(rgba.clip(0.0, 1.0).tolist())
 
 
 def _visual(
@@ -81,10 +83,13 @@ def _visual(
     mesh = None
     if shape.tag == "mesh":
         size, mesh = numbers(shape, "scale", "1 1 1"), mesh_file(shape.get("filename", ""), folder)
-    rotation, translation = origin(element)
-    numbers_there = len(size) == COUNTS.get(shape.tag, 3) and translation.shape == (3,)
-    if not numbers_there or not np.all(np.isfinite(np.concatenate([size, translation]))):
+    turned, moved = (numbers(element.find("origin"), key, "0 0 0") for key in ("rpy", "xyz"))
+    counts = [len(given) for given in (size, turned, moved)]
+    if counts != [COUNTS.get(shape.tag, 3), 3, 3]:
         return None
+    if not (np.abs(np.concatenate([size, turned, moved])) <= LARGEST).all():
+        return None
+    rotation, translation = origin(element)
     if shape.tag not in SIZES and mesh is None:
         return None
     material = element.find("material")

@@ -118,7 +118,8 @@ def _png(fig: Figure) -> bytes:
     return stream.getvalue()
 
 
-def style() -> Any:
+@contextmanager
+def style() -> Iterator[None]:
     """Context in which all that is drawn has the one style of the package.
 
     Else it is drawn as matplotlib does by itself, whatever a ``matplotlibrc`` says: pictures are
@@ -129,7 +130,16 @@ def style() -> Any:
 
     usual = {k: v for k, v in matplotlib.rcParamsDefault.items() if not k.startswith("backend")}
     chosen: Any = {**usual, **STYLE, "axes.prop_cycle": cycler(color=ACTUATORS)}
-    return matplotlib.rc_context(chosen)
+    with matplotlib.rc_context(chosen), _any_script():
+        yield
+
+
+@contextmanager
+def _any_script() -> Iterator[None]:
+    """Context without warnings of names in a script that the font lacks."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")
+        yield
 
 
 def below(ax: Axes, inches: float) -> Any:
@@ -203,8 +213,7 @@ def save(fig: Any, path: Path) -> Path:
         fault = f'"{path.suffix}" is no format of pictures'
         raise ArmDesignError(path.name, fault, f"end it with .{', .'.join(FORMATS)}")
     _make_literal(fig)
-    with style(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks
+    with style():
         if kind == "png" and hasattr(fig.canvas, "buffer_rgba"):
             fig.set_dpi(DOTS)
             fig.canvas.draw()
@@ -300,8 +309,7 @@ def line_width(line: str, points: float) -> float:
     from matplotlib.textpath import text_to_path
 
     font = FontProperties(size=points)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph")  # a name in a script that the font lacks
+    with _any_script():
         width, _, _ = text_to_path.get_text_width_height_descent(line, font, ismath=False)
     return float(width) / POINTS
 

@@ -155,6 +155,7 @@ def _crossings(starts: Array, ends: Array) -> int:
 def _write(ax: Axes, label: Label, side: str, height: float) -> None:
     x = EDGE if side == "left" else 1 - EDGE
     text: Style = {"xycoords": ax.transAxes, "ha": side, "zorder": 10, "annotation_clip": False}
+    text["parse_math"] = False
     text["textcoords"] = "offset points"
     text["bbox"] = {"fc": "white", "ec": "none", "pad": 0.4, "alpha": 0.8}  # lines end there
     place = x, height

@@ -18,11 +18,23 @@ COMPLEX = "real and imaginary parts"
 
 
 def form() -> Form[list[FittedMode | Failure]]:
-    """Form in which the sweeps at a pose are kept, every bit of them."""
-    return Form(
-        write=lambda _, sweeps: {"sweeps": [_kept(one) for one in sweeps]},
-        read=lambda _, answer: [_sweep(one) for one in answer["sweeps"]],
-    )
+    """Form in which the sweeps at a pose are kept, every bit of them.
+
+    But for those of which one failed as it may not fail again.
+    """
+
+    def write(_: int, sweeps: list[FittedMode | Failure]) -> dict[str, Any] | None:
+        passing = any(_failed_for_now(one) for one in sweeps)
+        return None if passing else {"sweeps": [_kept(one) for one in sweeps]}
+
+    return Form(write=write, read=lambda _, answer: [_sweep(one) for one in answer["sweeps"]])
+
+
+def _failed_for_now(sweep: FittedMode | Failure | None) -> bool:
+    """Whether a sweep failed, with dry friction or without, for what the surroundings lack."""
+    if isinstance(sweep, FittedMode):
+        return _failed_for_now(sweep.with_friction)
+    return sweep is not None and sweep.error.passing
 
 
 def _kept(value: Any) -> Any:

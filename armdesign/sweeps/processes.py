@@ -25,6 +25,7 @@ from armdesign.sweeps.worker import (
     prepare_process,
     refuse_unless_sent,
 )
+from armdesign.transaction import undisturbed
 
 TRIES = 3  # of a case whose worker dies
 TAKEN = 5.0  # [s] within which a pool's thread takes the cases that it was given
@@ -69,7 +70,8 @@ def on_processes(
                     waiting.appendleft(case)
             pool = _pool(study, workers)
     finally:
-        _end(pool, running)
+        with undisturbed():
+            _end(pool, running)
 
 
 def _fill(

@@ -11,9 +11,10 @@ import pytest
 import shapely
 
 from armdesign import Machine, load
-from armdesign.drawing.outlines import bodies
+from armdesign.drawing.outlines import _covered, bodies
 from armdesign.drawing.plane import PicturePlane, placed
 from armdesign.drawing.side_view import SideView, side_view
+from armdesign.drawing.visuals import visuals
 from armdesign.errors import PoseError
 from armdesign.machine import template
 from armdesign.units import mm
@@ -205,3 +206,53 @@ def test_a_link_of_links_is_drawn_to_its_end(tmp_path: Path) -> None:
 
     assert end(0.9 * tool) == end(tool)
     assert end(3 * tool) > 3 * tool
+
+
+def _torus(many: int) -> np.ndarray:
+    """Triangles (2 m², 3, 2) of a torus, closed, seen from where its hole shows."""
+    turn = np.linspace(0, 2 * np.pi, many + 1)
+    around, along = np.meshgrid(turn, turn, indexing="ij")
+    radius = 0.5 + 0.2 * np.cos(along)
+    places = np.stack([radius * np.cos(around), 0.9 * radius * np.sin(around)], axis=-1)
+    corners = places[:-1, :-1], places[1:, :-1], places[1:, 1:], places[:-1, 1:]
+    halves = [np.stack([corners[0], *corners[k : k + 2]], axis=2) for k in (1, 2)]
+    return np.concatenate([half.reshape(-1, 3, 2) for half in halves])
+
+
+@pytest.mark.parametrize("kind", ["closed", "open", "heap"])
+def test_meshes_of_many_triangles_cover_what_their_union_does(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    triangles = _torus(30)
+    if kind == "open":
+        triangles = triangles[rng.random(len(triangles)) < 0.7]
+    if kind == "heap":
+        triangles = rng.uniform(-1, 1, (300, 1, 2)) + rng.uniform(-0.1, 0.1, (300, 3, 2))
+    union = shapely.union_all(shapely.polygons(triangles), grid_size=1e-5)
+    shape = _covered(triangles)
+    assert shape.symmetric_difference(union).area < 1e-4 * union.area
+    assert shape.area == pytest.approx(union.area, rel=1e-4)
+
+
+def test_a_heap_of_edges_is_drawn_by_its_hull(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("armdesign.drawing.outlines.MOST_EDGES", 20)
+    triangles = np.random.default_rng(3).uniform(-1, 1, (50, 3, 2))
+    assert _covered(triangles).equals(shapely.convex_hull(_covered(triangles)))
+
+
+@pytest.mark.parametrize("turn", ["0", "0 0 0 0", "inf 0 0", "nan 0 0", "1e300 0 0"])
+def test_a_visual_whose_place_cannot_be_read_is_left_out(turn: str, tmp_path: Path) -> None:
+    shape = '<geometry><box size="1 1 1"/></geometry>'
+    urdf = f'''<robot name="r"><link name="a"><visual><origin rpy="{turn}"/>{shape}</visual>
+        <visual>{shape}</visual><visual><geometry><box size="1e300 1 1"/></geometry></visual>
+        </link></robot>'''
+    assert len(visuals(urdf, tmp_path)["a"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("rgba", "colour"), [("1 nan 0 1", None), ("1 0 0", None), ("2 0.5 0 1", (1.0, 0.5, 0.0, 1.0))]
+)
+def test_colours_of_a_urdf(rgba: str, colour: object, tmp_path: Path) -> None:
+    urdf = f'''<robot name="r"><material name="m"><color rgba="{rgba}"/></material>
+        <link name="a"><visual><geometry><sphere radius="1"/></geometry><material name="m"/>
+        </visual></link></robot>'''
+    assert visuals(urdf, tmp_path)["a"][0].colour == colour

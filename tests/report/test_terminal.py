@@ -21,7 +21,7 @@ from armdesign import plots
 from armdesign.errors import ArmDesignError, MachineFileError, printable, raise_together
 from armdesign.machine import template
 from armdesign.machine.poses import pose_text
-from armdesign.output import show, tell
+from armdesign.output import show, tell, write_csv
 from armdesign.report.contents import HeadlineNumber, Report, ReportSection
 from armdesign.report.page import page
 from armdesign.report.sheet import Sheet
@@ -37,6 +37,7 @@ SHOWN = r"\x1b]0;x\x07\x1b[2J\r\n\x9b\x7f\u202e\u2066\u2028 [red]r[/red] :smile:
 def controls(text: str) -> list[str]:
     """Characters that a terminal or a reader may take for commands, but for ends of lines."""
     turns = {*map(chr, range(0x202A, 0x202F)), *map(chr, range(0x2066, 0x206A))}
+    turns |= set("\u061c\u200e\u200f\u200b\u2060\ufeff")  # marks of direction, of no width
     return [
         c
         for c in text
@@ -200,16 +201,38 @@ def test_keys_of_a_file(
         assert r"own.toml: \x1b[2J\x9b: unknown key" in err
 
 
+def _with_joint(name: str, folder: Path) -> ad.Machine:
+    """The paper's machine, its joint and its title of this name."""
+    machine = machines.named("paper_1dof")
+    urdf = machine.urdf_text.replace('joint name="boom"', f'joint name="{name}"')
+    written = name.replace("\x9b", "\\u009b").replace("\u202e", "\\u202e")
+    text = machine.text.replace('joints = ["boom"]', f'joints = ["{written}"]')
+    text = text.replace('title  = "One-joint mechanism of the paper"', f'title = "{written}"')
+    assert text.count(written) == 2
+    return ad.Machine.from_text(text, urdf, folder / "own.toml")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["$a_{$", "$$", "挖掘机"])
+def test_a_drawing_takes_every_name(name: str, tmp_path: Path) -> None:
+    """A formula that cannot be drawn, an empty one, a script that the font lacks."""
+    drawn = _with_joint(name, tmp_path).plot()
+    assert any(name in text.get_text() for text in drawn.texts)
+    plots.save(drawn.figure, tmp_path / "machine.png")
+
+
+def test_no_table_turns_the_direction_of_writing(tmp_path: Path) -> None:
+    machine = _with_joint("\u202e\u200fx", tmp_path)
+    write_csv({machine.joints[0]: np.zeros(2), "b": np.array(["\u061cy"] * 2)}, tmp_path / "a.csv")
+    text = (tmp_path / "a.csv").read_text(encoding="utf-8")
+    assert text.splitlines() == [r"\u202e\u200fx,b", *[r"0,\u061cy"] * 2]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bo_om^2", "$x", "$a_{$", "a$b$c", "[red]x[/red]", "x\x9by"])
 def test_names_of_joints_are_no_formulas(name: str, tmp_path: Path) -> None:
     """XML holds C1 characters; `$a_{$` is a formula that cannot be drawn."""
-    machine = machines.named("paper_1dof")
-    urdf = machine.urdf_text.replace('joint name="boom"', f'joint name="{name}"')
-    text = machine.text.replace(
-        'joints = ["boom"]', f'joints = ["{name}"]'.replace("\x9b", "\\u009b")
-    )
-    named = ad.Machine.from_text(text, urdf, tmp_path / "own.toml")
+    named = _with_joint(name, tmp_path)
     frequencies = ad.frequency_map(named, ad.Workspace.grid(named, 5))
     for drawn in (frequencies.plot(), plots.holding_pressure(frequencies)):
         drawn.figure.savefig(tmp_path / "a.png")

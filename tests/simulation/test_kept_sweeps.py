@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pandas as pd
 import pytest
@@ -103,3 +104,13 @@ def test_another_question_finds_nothing_of_use(tmp_path: Path) -> None:
         ):
             ad.validate(other, pose, **options)
         assert (pieces.answered, len(pieces.entries)) == (0, 4)
+
+
+def test_what_the_surroundings_lack_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was kept: a validation without numba's compiler failed for ever."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    workspace = ad.Workspace.grid(ad.load("paper_1dof"), points=3)
+    (proof,) = validation.validate_maps([ad.frequency_map(workspace.machine, workspace)])
+    assert all(isinstance(one, Failure) for one in proof.sweeps)
+    assert form().write(0, list(proof.sweeps)) is None

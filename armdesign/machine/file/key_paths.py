@@ -108,7 +108,9 @@ def allowed(location: Location) -> str:
         return f"a list of {_how_many(constraints)}, each {allowed((*location, 0))}"
     if kind is str:
         is_name = (kind, constraints) == unwrap(Name)
-        return "a text of letters a to z, digits, _ and -" if is_name else "a text"
+        letters = "letters a to z, digits, _ and -, " if is_name else ""
+        most = [limit.max_length for limit in constraints if isinstance(limit, MaxLen)]
+        return f"a text of {letters}at most {most[0]} characters" if most else "a text"
     if get_origin(kind) is dict:
         return "a table of named entries (names of letters a to z, digits, _ and -)"
     required = [name for name, field in kind.model_fields.items() if field.is_required()]

@@ -338,6 +338,8 @@ CASES: list[tuple[str, Any, str]] = [
     ),
     ("urdf", "..", r'urdf: "\.\." is not a file name'),
     ("name", "../up", r'name: "\.\./up" is not allowed; give a text of letters a to z, digits'),
+    ("name", "x" * 65, r"name: .* is not allowed; give a text .* _ and -, at most 64 characters"),
+    ("title", "x" * 201, r"title: .* is not allowed; give a text of at most 200 characters"),
 ]
 
 
