@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from armdesign.report.sheet import Sheet
@@ -61,18 +63,17 @@ def _common(column: pd.Series[Any], failed: pd.Series[bool]) -> Any:
 
 def _short(names: list[str]) -> dict[str, str]:
     """Names by key path: the last keys that tell one from the others, numbers with their list."""
-    short = {}
-    for name in names:
-        keys = name.split(".")
-        tails = [".".join(keys[-k:]) for k in range(1, len(keys) + 1)]
-        others = [f".{other}" for other in names if other != name]
-        apart = (
-            tail
-            for tail in tails
-            if not tail.isdigit() and not any(other.endswith(f".{tail}") for other in others)
-        )
-        short[name] = next(apart, name)
-    return short
+    tails = {name: _tails(name.split(".")) for name in names}
+    known = Counter(chain.from_iterable(tails.values()))
+    apart = {
+        name: (tail for tail in of_name if not tail.isdigit() and known[tail] == 1)
+        for name, of_name in tails.items()
+    }
+    return {name: next(found, name) for name, found in apart.items()}
+
+
+def _tails(keys: list[str]) -> list[str]:
+    return [".".join(keys[-k:]) for k in range(1, len(keys) + 1)]
 
 
 def _cell(value: Any) -> str:

@@ -27,6 +27,8 @@ from armdesign.sweeps.numbers import Numbers, names_of_changes
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
 
+MOST_PATHS = 2_000  # a machine file has hundreds of numbers
+
 
 class Variants(TypedDict, total=False):
     """What differs between cases, beside machines, changes and options of the task."""
@@ -377,6 +379,9 @@ def _changes(
 
 def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
     """Raise for key paths that cannot be, and options that would be two columns of a name."""
+    if len(paths) > MOST_PATHS:
+        fault = f"{len(paths)} key paths are not allowed"
+        raise ArmDesignError("changes", fault, f"change at most {MOST_PATHS} numbers")
     remedy = 'give texts, such as "cylinder.boom.bore_mm"'
     for path in paths:
         if not isinstance(path, str):

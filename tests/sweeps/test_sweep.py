@@ -330,6 +330,7 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": {"a": (0, 10**400)}, "sobol": 4}, "no range"),
         ({"changes": {"a": (-1.7e308, 1.7e308)}, "sobol": 4}, "no range"),  # of no width
         ({"changes": [{"a": 10**5000}]}, "changes.a: cannot be written down: a number of thous"),
+        ({"changes": [{f"a{k}": 1 for k in range(2001)}]}, "2001 key paths are not allowed"),
         ({"sobol": 4}, "has no ranges"),
         ({"payloads": ["nothing"]}, "nothing"),
         ({"payloads": "load"}, "payloads: 'load' is not allowed; give a list, each a text"),
