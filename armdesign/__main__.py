@@ -22,6 +22,7 @@ def main() -> None:
     keep_for_answers()
     gc.set_threshold(*COLLECTED)
     os.environ.setdefault(THREADS, "1")
+    os.environ["MPLBACKEND"] = "agg"  # no window is opened, whatever matplotlib is told to take
     try:
         from armdesign import cli
     except KeyboardInterrupt:

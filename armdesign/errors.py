@@ -66,6 +66,11 @@ class ArmDesignError(Exception):
         self.passing = isinstance(cause, SURROUNDINGS) or getattr(cause, "passing", False)
         self.tell_line(line)
 
+    def add_remedy(self, more: str) -> None:
+        """Say what else there is to do, or to know, behind the remedy."""
+        self.remedy += f"; {more}"
+        self.tell_line(self.line)
+
     def tell_line(self, line: int | None, file: str = "") -> None:
         """Say in which line it stands (None: not known), and of which file if not the part's."""
         self.line = line

@@ -261,11 +261,6 @@ class Run(Shown):
                     kept.append(path)
                     stop.args = (f"go on with: {command_line()}",)
                 raise
-            except ArmDesignError as error:
-                if error.passing and pieces.entries:
-                    error.remedy += f"; what was finished is kept in {path}"
-                    error.tell_line(error.line)
-                raise
             except (OSError, SystemExit):  # the files are in place, and nobody reads the rest
                 if changed:
                     pieces.end()

@@ -161,3 +161,29 @@ def test_without_the_compiler(tmp_path: Path) -> None:
     assert finished.returncode == 2
     assert_one_line(finished.stderr, "NUMBA_DISABLE_JIT: simulations need numba's compiler")
     assert run("check", "paper_1dof", folder=tmp_path, NUMBA_DISABLE_JIT="1").returncode == 0
+
+
+def test_pictures_have_a_folder_for_fonts_before_matplotlib_looks_for_one() -> None:
+    """It was imported with them: without a home it said so in two lines of its own."""
+    code = "import sys, armdesign.plots; print('matplotlib' in sys.modules)"
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert finished.stdout == "False\n", finished.stderr
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "words", "message"),
+    [
+        ("MPLBACKEND", "foo", ("draw", "paper_1dof"), ""),
+        ("MPLBACKEND", "module://nothing", ("draw", "paper_1dof"), ""),
+        ("NUMBA_NUM_THREADS", "0", ("validate", "paper_1dof"), "numba: does not begin ("),
+    ],
+)
+def test_variables_that_libraries_cannot_have(
+    variable: str, value: str, words: tuple[str, ...], message: str, tmp_path: Path
+) -> None:
+    finished = run(*words, folder=tmp_path, **{variable: value})
+    assert finished.returncode == (2 if message else 0), finished.stderr
+    if message:
+        assert_one_line(finished.stderr, message)
+    else:
+        assert "Traceback" not in finished.stderr

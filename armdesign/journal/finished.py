@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 from uuid import uuid4
 
-from armdesign.errors import InfeasibleError
+from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import digest
 
@@ -124,6 +124,10 @@ def keeping(path: Path) -> Iterator[Pieces]:
             pieces.end()
         except InfeasibleError:
             pieces.end()
+            raise
+        except ArmDesignError as error:
+            if error.passing and pieces.entries:
+                error.add_remedy(f"what was finished is kept in {path}")
             raise
         finally:
             _open.remove(pieces)

@@ -29,7 +29,6 @@ from armdesign.plots.canvas import (
     wrapped,
 )
 from armdesign.plots.labels import place_labels, room_for
-from armdesign.plots.layout import PAD
 from armdesign.plots.machine_words import (
     ends,
     faults,
@@ -57,6 +56,8 @@ def without_white(draw: Callable[P, Axes]) -> Callable[P, Axes]:
     @wraps(draw)
     def drawn(*words: P.args, **named: P.kwargs) -> Axes:
         ax = draw(*words, **named)
+        from armdesign.plots.layout import PAD
+
         if all(one is not ax for one in (*words, *named.values())):
             fig: Any = ax.figure
             with style():

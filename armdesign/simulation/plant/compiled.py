@@ -22,20 +22,26 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeAlias, TypeVar, cast
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
+
+from armdesign import units
+from armdesign import user_folders as folders
+from armdesign.errors import ArmDesignError, SimulationError, printable
+from armdesign.hydraulics import fluid, friction, valve
+
+try:
+    import numba
+except ValueError as error:
+    raise ArmDesignError(
+        "numba", f"does not begin ({error})", "mend the environment variables NUMBA_…"
+    ) from None
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.serialize import dumps
 from numba.core.types import CompileResultWAP
 from numba.extending import register_jitable
-from numpy.typing import NDArray
-
-from armdesign import units
-from armdesign import user_folders as folders
-from armdesign.errors import SimulationError, printable
-from armdesign.hydraulics import fluid, friction, valve
 
 F = TypeVar("F", bound=Callable[..., object])
 Record: TypeAlias = np.record  # of a structured array: fields are attributes
