@@ -86,7 +86,7 @@ class Report:
             ArmDesignError: the folder keeps none, one of another version, or a damaged one.
         """
         path = folder / FILE
-        if folder.is_file():
+        if folder.exists() and not folder.is_dir():
             raise ArmDesignError(str(folder), "is a file", f"give its folder: {folder.parent}")
         try:
             text = path.read_text(encoding="utf-8")

@@ -16,7 +16,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.journal import Entry
 from armdesign.machine.changes import changed_machine
@@ -141,6 +141,10 @@ def answer(name: str, case: Case) -> Outcome:
 def _words(error: BaseException) -> str:
     """What an error says, behind its kind where it is none of ours."""
     try:
+        if isinstance(error, InfeasibleError):
+            from armdesign.design.search.infeasibility.concessions import in_a_line
+
+            return in_a_line(error)
         own = isinstance(error, ArmDesignError)
         return str(error) if own else f"{type(error).__name__}: {error}"
     except Exception:  # of a kind that cannot say it

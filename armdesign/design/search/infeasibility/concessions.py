@@ -13,6 +13,7 @@ from armdesign.units import WORKSHOP, outward
 
 DIGITS = 6  # of a setting that gives
 IN_LINE = 3  # settings that a line says; more stand below the table
+BELOW = " by the {} settings below the table"
 WITHIN = 0.999  # of what a file allows it to give
 ENOUGH = ", which is enough but not proved least"
 UNSTATED = ", which no setting of a file allows"
@@ -131,7 +132,7 @@ def conflict_error(
     settings, options = _settings(conflict), _options(conflict)
     below = len(options) > IN_LINE and not amount
     if below:
-        settings = f" by the {len(options)} settings below the table"
+        settings = BELOW.format(len(options))
     enough = ENOUGH if settings and settled and not least else ""
     if not (settings or settled):
         enough = UNSTATED
@@ -142,6 +143,12 @@ def conflict_error(
         tuple(conflict),
         "" if amount else conflict_table(conflict, options if below else ()),
     )
+
+
+def in_a_line(error: InfeasibleError) -> str:
+    """What an error says, with all settings, where its table is not shown."""
+    settings = _settings(error.conflict)
+    return str(error).replace(BELOW.format(len(_options(error.conflict))), settings)
 
 
 def nearest_error(

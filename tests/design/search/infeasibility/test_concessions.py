@@ -16,6 +16,7 @@ from armdesign.design.requirements.speeds import Speed
 from armdesign.design.search.infeasibility.concessions import (
     conflict_error,
     conflict_rows,
+    in_a_line,
     nearest_error,
 )
 from armdesign.units import outward
@@ -114,7 +115,13 @@ def test_many_settings_stand_below_the_table() -> None:
     given = "--set requirements.a_share=1.04 --set requirements.b_share.boom=1.04"
     assert options == f"{given} --set requirements.c_share=1.04"
     assert factor == "and in the file every speed of [requirements.speed.go] × 1.04"
+    assert in_a_line(error) == (
+        "crane: no design meets a together with b, c, d and e; relax them:"
+        " requirements.a_share = 1.04, requirements.b_share.boom = 1.04,"
+        " requirements.c_share = 1.04, speed.go × 1.04, which is enough but not proved least"
+    )
     error = conflict_error("crane", conflict[:2])
+    assert in_a_line(error) == str(error)
     assert str(error).endswith(
         "b; relax them: requirements.a_share = 1.04, requirements.b_share.boom = 1.04"
     )
