@@ -39,7 +39,7 @@ from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.lift_chart import lift_chart_if_any
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
-from armdesign.units import percent
+from armdesign.units import mm, percent
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
@@ -368,8 +368,16 @@ class Design(ReadOnly):
     def binding(self) -> list[Check]:
         """Requirements that bind and cost frequency, the dearest first."""
         dear = {name for name, gain in self.at_margin.items() if gain > LEAST_PRICE}
-        held = [c for c in self.checks if c.slack < BINDING and c.name in dear]
+        held = [c for c in self.checks if self._is_held(c) and c.name in dear]
         return sorted(held, key=lambda c: -self.prices[c.name])
+
+    def _is_held(self, check: Check) -> bool:
+        """Whether a requirement leaves no room, or in its box a pin no step of the drawing."""
+        if check.name.startswith("pin_box."):
+            return check.limit - check.value < max(
+                self.problem.grid.lengths * mm, BINDING * check.limit
+            )
+        return check.slack < BINDING
 
     @property
     def tightest(self) -> list[Check]:

@@ -106,6 +106,17 @@ def test_binding_requirements_are_tight_and_worth_something() -> None:
     )
 
 
+def test_a_box_without_room_for_another_step_binds() -> None:
+    """Pins on tenths of a millimetre end at 1.2 mm of 1.25 mm."""
+    machine = ad.load("paper_1dof")
+    workspace = ad.Workspace.grid(machine, points=5)
+    design = ad.optimize(machine, workspace, ad.Requirements(pin_box=0.00125), starts=1)
+    values = {c.name: c.value for c in design.binding if c.name.startswith("pin_box.")}
+    assert values == pytest.approx(dict.fromkeys(values, 0.0012))
+    assert len(values) == 2
+    assert all(design.prices[name] > 0 for name in values)
+
+
 def test_where_nothing_can_be_gained_today_stays() -> None:
     """One cylinder, no more oil, no pins: both areas stand at their limits, and rounding must not
     make it worse.
