@@ -59,7 +59,7 @@ CASES = [
     (
         {"payload.full.link": "boom", "payload.full.pitch_deg": [50, 90]},
         "payload.full.pitch_deg",
-        r"of \[50\.0, 90\.0\]° the workspace reaches only \[5\d\.\d, 6\d\.\d\]°",
+        r"of \[50\.0, 90\.0\]° the poses of the workspace reach only \[5\d\.\d, 6\d\.\d\]°",
     ),
     ({"fluid.bulk_modulus_MPa": 100}, "fluid.bulk_modulus_MPa", "outside"),
     ({"payload.full.mass_kg": 0}, "payload", "every load case is empty"),
