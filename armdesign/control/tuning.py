@@ -25,16 +25,9 @@ from armdesign.control.refined_loops import refined
 from armdesign.control.stability import stability, stable
 from armdesign.units import bar
 
-LOSS_FACTORS = (
-    0.7,
-    0.5,
-    1.0,
-    0.35,
-    1.4,
-    0.2,
-    0.1,
-    0.04,
-)  # η of one gain for all, the likeliest first
+# η of one gain for all, from which on it is sought by factors, the first of which is WIDER
+LOSS_FACTORS, WIDER = (0.012, 0.02, 0.03, 0.05, 0.08, 0.13, 0.2, 0.33, 0.53, 0.85, 1.4), 1.27
+KEPT = 0.5  # of gains that a finer grid allows; below, other η may allow more
 LARGEST, SMALLEST = 1.5, 1e-4  # κ, and of that
 BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ, over the part PASSED
 PASSED = 0.8  # of a mode by valve and delay, Re V: the bound has room for as little
@@ -117,19 +110,17 @@ class Task:
         unit = self.controller(*map(np.ones, self.shapes))
         return controller.position / unit.position, controller.pressure / unit.pressure
 
-    def common(self, kappa: Array, eta: float) -> Controller:
-        """The controllers of one κ for all loops at each pose (n,), and one η for all."""
+    def common(self, kappa: Array, eta: Array) -> Controller:
+        """The controllers of one κ and one η for all loops at each pose (n,)."""
         ones, more = (np.ones(shape) for shape in self.shapes)
-        return self.controller(ones * kappa[:, None], more * eta)
+        return self.controller(ones * kappa[:, None], more * eta[:, None])
 
-    def largest(self, eta: float, least: Array) -> Array:
-        """Largest κ of all loops that keeps the margin (n,).
+    def largest(self, eta: Array, least: Array) -> Array:
+        """Largest κ of all loops that keeps the margin (n,), with the η of each pose (n,).
 
         0 where it is not larger than the ``least`` that is of interest (n,).
         """
-        n, highest = len(least), np.full(len(least), LARGEST)
-        if eta == 0:
-            highest = self._highest
+        n, highest = len(least), np.where(eta > 0, LARGEST, self._highest)
         low, high = np.clip(least, SMALLEST * highest, highest), highest
         rows = self._holding(low, eta, np.arange(n))
         low[np.setdiff1d(np.arange(n), rows)] = 0.0
@@ -165,9 +156,9 @@ class Task:
 
     def smallest(self) -> Controller:
         """The controllers (n,) of the smallest gains that are tried: of position loops alone."""
-        return self.common(SMALLEST * self._highest, 0.0)
+        return self.common(SMALLEST * self._highest, np.zeros(len(self.plant)))
 
-    def _holding(self, kappa: Array, eta: float, rows: Array) -> Array:
+    def _holding(self, kappa: Array, eta: Array, rows: Array) -> Array:
         return rows[margins_hold(self.loops, self.common(kappa, eta), self.aim.margin, rows)]
 
 
@@ -177,8 +168,37 @@ def proportional(task: Task) -> Tuned:
 
 
 def damped(task: Task) -> Tuned:
-    """One position gain and one loss factor η for all loops (n)."""
-    return best_of(task, LOSS_FACTORS)
+    """One position gain and one loss factor η for all loops (n).
+
+    κ rises with η up to where pressure feedback takes the margin itself, and along a tongue beyond
+    in which both rise together: so η is sought from the smallest on.
+    """
+    kappa, eta = _largest_together(task)
+    found = safe(task, task.common(kappa, eta))
+    left = task.without_units(found.controller)[0][:, 0]
+    few = np.flatnonzero(left <= KEPT * kappa)
+    if len(few) == 0:
+        return found
+    return found.replaced(few, best_of(task[few], LOSS_FACTORS[::-1]).or_wider(found[few]))
+
+
+def _largest_together(task: Task) -> tuple[Array, Array]:
+    """Largest κ of all loops and its η (n,), on the grid."""
+    kappa, eta = np.zeros(len(task.plant)), np.full(len(task.plant), LOSS_FACTORS[0])
+
+    def try_with(other: Array) -> None:
+        tried = _out_of_bands(task, task.largest(other, task.close * kappa), other, kappa)
+        larger = tried > kappa
+        kappa[larger], eta[larger] = tried[larger], other[larger]
+
+    for each in LOSS_FACTORS:
+        try_with(np.full(len(eta), each))
+    factor = WIDER
+    while factor > task.close:
+        try_with(eta * factor)
+        try_with(eta / factor)
+        factor = math.sqrt(factor)
+    return kappa, eta
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,22 +244,23 @@ class Tuned:
 
 
 def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
-    """Controllers (n) with the largest κ of all loops that some η of all loops allows.
+    """Controllers (n) of the widest loops that some η of all loops allows.
 
-    What counts is what is left of κ where gains are reduced, see ``safe``: the η of the largest
-    κ on a coarse grid may lose more of it than another.
+    What counts is what is left where gains are reduced, see ``safe``: the η of the largest κ on a
+    coarse grid may lose more of it than another.
     """
     best, tuned = np.zeros(len(task.plant)), task.resting
-    for eta in loss_factors:
+    for each in loss_factors:
+        eta = np.full(len(best), each)
         kappa = _out_of_bands(task, task.largest(eta, task.close * best), eta, best)
         kept = safe(task, task.common(kappa, eta))
-        left = task.without_units(kept.controller)[0][:, 0]
-        rows = np.flatnonzero(left > best)
-        best[rows], tuned = left[rows], tuned.replaced(rows, kept[rows])
+        wider = np.flatnonzero(kept.figures.narrowest > tuned.figures.narrowest)
+        best[wider] = task.without_units(kept.controller)[0][wider, 0]
+        tuned = tuned.replaced(wider, kept[wider])
     return tuned
 
 
-def _out_of_bands(task: Task, kappa: Array, eta: float, least: Array) -> Array:
+def _out_of_bands(task: Task, kappa: Array, eta: Array, least: Array) -> Array:
     """κ (n,) that leaves each loop stable; 0 where it would not be larger than ``least`` (n,).
 
     A grid may miss the resonance of a mode that is hardly damped, and seem to keep the margin

@@ -131,7 +131,9 @@ def _of_pitch(inspection: Inspection, name: str, units: Units) -> Iterator[Oddit
     inside = case.from_middle(*placed)[case.exists(*placed)]
     if inside.min() > -half + PITCH_REACHED or inside.max() < half - PITCH_REACHED:
         reached = units.span(middle + inside.min(), middle + inside.max(), "rad")
-        words = f"of {units.span(low, high, 'rad')} the poses of the workspace reach only {reached}"
+        words = (
+            f"of {units.span(low, high, 'rad')} the poses of the workspace reach only {reached}"
+        )
         yield ".".join(case.limit_location), words
 
 

@@ -71,7 +71,7 @@ def test_loops_on_all_grids_are_compiled_once() -> None:
     for delay in (0.0, 0.02):
         plant = worst_plant(0.02, delay)
         task = Task(plant, Loops.of(plant), ControlOptions().aim)
-        controller = task.common(np.full(1, 0.1), 0.0)
+        controller = task.common(np.full(1, 0.1), np.zeros(1))
         grid = refined(plant, task.fine, controller, stability(plant, controller).ringing)
         for loops in (task.loops, task.fine, task.fine[np.array([0])], grid.joined):
             seen.add(str(numba.typeof(Sight.of(loops, controller, 1.0, 1.0))))
