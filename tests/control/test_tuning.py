@@ -147,7 +147,7 @@ def test_no_loss_factor_leaves_larger_gains_than_the_one_that_is_chosen() -> Non
 
 
 def test_few_loss_factors_leave_much_wider_loops_than_the_one_that_is_found() -> None:
-    """Of forty tried one by one. From eight of them, the largest first, loops were half as wide."""
+    """Of forty tried one by one. With the best of eight they were half as wide."""
     machine = ad.load("mini_excavator_2t")
     plant = loop_plant(machine, machine.at(ad.Workspace.grid(machine, points=3).q))
     task = Task(plant, Loops.of(plant), Aim(margin=MARGIN))
