@@ -149,9 +149,19 @@ def margins_hold(loops: Loops, controller: Controller, margin: float, rows: Arra
         margin: the balanced disk margin α.
         rows: indices of the poses (m,).
     """
+    return _seen(loops, controller, margin, rows).holds
+
+
+def narrowest(loops: Loops, controller: Controller, margin: float, rows: Array) -> Array:
+    """Bandwidth of the narrowest loop (m,) [rad/s], 0 where margins do not hold; arguments so."""
+    seen = _seen(loops, controller, margin, rows)
+    return np.where(seen.holds, np.exp(seen.logs.min(axis=1)), 0.0)
+
+
+def _seen(loops: Loops, controller: Controller, margin: float, rows: Array) -> Seen:
     gains = np.concatenate([controller.position, controller.pressure], axis=1)
     sight = Sight.of(loops, controller, 1 / margin, LOST)
-    return sight.seen(rows, gains[rows], sloped=False).holds
+    return sight.seen(rows, gains[rows], sloped=False)
 
 
 @borrowing

@@ -19,7 +19,7 @@ from armdesign.arrays import Array
 from armdesign.control.closed_loops import LoopFigures
 from armdesign.control.controller import CORNER, Controller, Filter
 from armdesign.control.loop_plant import LoopPlant
-from armdesign.control.loop_sight import margins_hold
+from armdesign.control.loop_sight import margins_hold, narrowest
 from armdesign.control.loops import FINE, Loops
 from armdesign.control.refined_loops import refined
 from armdesign.control.stability import stability, stable
@@ -32,6 +32,7 @@ LARGEST, SMALLEST = 1.5, 1e-4  # κ, and of that
 BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ, over the part PASSED
 PASSED = 0.8  # of a mode by valve and delay, Re V: the bound has room for as little
 CLOSE = 1.03  # factor within which gains are found, and by which others are better
+CLOSER = 1.003  # the same at the end of a search
 EXACT = 1.00001  # the same where small changes of a machine are to be seen
 # Shares of gains, of which a finer grid allows one; the last ones where the resonance of a mode
 # that is hardly damped lay between the frequencies of the grid.
@@ -173,7 +174,7 @@ def damped(task: Task) -> Tuned:
     κ rises with η up to where pressure feedback takes the margin itself, and along a tongue beyond
     in which both rise together: so η is sought from the smallest on.
     """
-    kappa, eta = _largest_together(task)
+    kappa, eta = _widest_together(task)
     found = safe(task, task.common(kappa, eta))
     left = task.without_units(found.controller)[0][:, 0]
     few = np.flatnonzero(left <= KEPT * kappa)
@@ -182,14 +183,17 @@ def damped(task: Task) -> Tuned:
     return found.replaced(few, best_of(task[few], LOSS_FACTORS[::-1]).or_wider(found[few]))
 
 
-def _largest_together(task: Task) -> tuple[Array, Array]:
-    """Largest κ of all loops and its η (n,), on the grid."""
+def _widest_together(task: Task) -> tuple[Array, Array]:
+    """κ and η of all loops (n,) that make the narrowest the widest, as the grid has it."""
     kappa, eta = np.zeros(len(task.plant)), np.full(len(task.plant), LOSS_FACTORS[0])
+    width = np.zeros(len(eta))
 
     def try_with(other: Array) -> None:
         tried = _out_of_bands(task, task.largest(other, task.close * kappa), other, kappa)
-        larger = tried > kappa
-        kappa[larger], eta[larger] = tried[larger], other[larger]
+        rows = np.flatnonzero(tried)
+        widths = narrowest(task.loops, task.common(tried, other), task.aim.margin, rows)
+        rows, widths = rows[widths > width[rows]], widths[widths > width[rows]]
+        kappa[rows], eta[rows], width[rows] = tried[rows], other[rows], widths
 
     for each in LOSS_FACTORS:
         try_with(np.full(len(eta), each))
@@ -198,7 +202,8 @@ def _largest_together(task: Task) -> tuple[Array, Array]:
         try_with(eta * factor)
         try_with(eta / factor)
         factor = math.sqrt(factor)
-    return kappa, eta
+    finer = replace(task, close=min(task.close, CLOSER))
+    return np.maximum(_out_of_bands(task, finer.largest(eta, kappa), eta, kappa), kappa), eta
 
 
 @dataclass(frozen=True, eq=False)
