@@ -180,6 +180,7 @@ def _refuse_other_beginning(parameters: list[Parameter], options: Mapping[str, A
     if len(first) < 2:
         raise ArmDesignError("task", "does not take a machine and a workspace", remedy)
     second = first[1]
-    if second.name in options or second.default not in (second.empty, None):
+    other = second.default not in (second.empty, None) and second.name != "workspace"
+    if other or second.name in options:
         fault = f"its second parameter, {second.name}, would be given the workspace"
         raise ArmDesignError("task", fault, remedy)
