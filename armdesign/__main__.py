@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from armdesign.streams import keep_for_answers, replace_closed
+from armdesign.threads import allow, processors
 
 THREADS = "OPENBLAS_NUM_THREADS"  # matrices have ten to a hundred rows: more threads only wait
 COLLECTED = 500_000, 10, 10  # as ``gc.set_threshold``: a run of seconds hardly looks for cycles
@@ -21,6 +22,8 @@ def main() -> None:
     replace_closed()
     keep_for_answers()
     gc.set_threshold(*COLLECTED)
+    if not {THREADS, "OMP_NUM_THREADS"} & os.environ.keys():
+        allow(processors())  # each of which has a part of the poses
     os.environ.setdefault(THREADS, "1")
     os.environ["MPLBACKEND"] = "agg"  # no window is opened, whatever matplotlib is told to take
     try:

@@ -14,7 +14,8 @@ from armdesign.csv_rows import plain_cells
 from armdesign.errors import ArmDesignError
 from armdesign.options import FreshOption, ProcessesOption, SchedulerOption, StudyArgument
 from armdesign.output import command_line, kept, tell
-from armdesign.runs import OfMachines, command, processors
+from armdesign.runs import OfMachines, command
+from armdesign.threads import processors
 
 if TYPE_CHECKING:
     import pandas as pd

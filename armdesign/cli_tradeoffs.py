@@ -12,7 +12,8 @@ from armdesign.options import (
     VaryOption,
 )
 from armdesign.output import write_csv
-from armdesign.runs import DrawnSearch, OverWorkspace, SearchOptions, command, processors
+from armdesign.runs import DrawnSearch, OverWorkspace, SearchOptions, command
+from armdesign.threads import processors
 
 
 @command

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -115,12 +114,6 @@ def _options(group: Any) -> list[inspect.Parameter]:
         for one in dataclasses.fields(group)
         if one.init and one.name != "command"
     ]
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    counted = getattr(os, "sched_getaffinity", None)
-    return len(counted(0)) if counted else os.cpu_count() or 1
 
 
 def _default(one: dataclasses.Field[Any]) -> Any:

@@ -1,11 +1,15 @@
-"""Threads at work on chunks of poses, as many as BLAS may use; one in a worker of a sweep."""
+"""Threads at work on chunks of poses; one in a worker of a sweep.
+
+As many as BLAS may use, or in a command, whose BLAS has one, as there are processors.
+"""
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from contextvars import copy_context
 from itertools import chain, islice
 from typing import TypeVar
@@ -14,10 +18,11 @@ Part = TypeVar("Part")
 T = TypeVar("T")
 
 MOST = 4  # threads: with more, they wait for each other's Python
+_beside = 1  # of them, whatever BLAS may use
 
 
 def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
-    """Results of work on each part, in order, by as many threads as BLAS may use.
+    """Results of work on each part, in order, by threads.
 
     NumPy's linear algebra and compiled code let other threads go on meanwhile. A part is begun
     when few results before it wait to be taken, so that memory stays flat; after an error only
@@ -25,7 +30,7 @@ def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
     """
     parts = iter(parts)
     ahead = list(islice(parts, 2))
-    threads = 1 if len(ahead) < 2 else min(_of_blas(), MOST)
+    threads = 1 if len(ahead) < 2 else min(max(_beside, _of_blas()), MOST)
     if threads == 1:
         yield from map(work, chain(ahead, parts))
         return
@@ -42,12 +47,30 @@ def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
         pool.shutdown(cancel_futures=True)
 
 
-def one_thread() -> AbstractContextManager[object]:
-    """A context in which BLAS, and so ``in_threads``, has one thread."""
+def allow(count: int) -> None:
+    """Let ``in_threads`` have so many threads, though BLAS has fewer."""
+    global _beside
+    _beside = count
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """A context in which BLAS and ``in_threads`` have one thread."""
     from threadpoolctl import threadpool_limits
 
-    limits: AbstractContextManager[object] = threadpool_limits(1)
-    return limits
+    before = _beside
+    with threadpool_limits(1):
+        allow(1)
+        try:
+            yield
+        finally:
+            allow(before)
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    counted = getattr(os, "sched_getaffinity", None)
+    return len(counted(0)) if counted else os.cpu_count() or 1
 
 
 def _of_blas() -> int:
