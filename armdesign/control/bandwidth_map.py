@@ -199,9 +199,9 @@ def bandwidth_map(
         >>> columns = ["boom", "f1_hz", "merritt_hz", "damped_hz"]
         >>> print(bandwidths.frame[columns].round(2).to_string(index=False))
          boom  f1_hz  merritt_hz  damped_hz
-        -0.82   7.45        0.30       5.50
-        -0.08  10.40        0.42       7.59
-         0.65  16.63        0.67      11.96
+        -0.82   7.45        0.30       5.88
+        -0.08  10.40        0.42       8.14
+         0.65  16.63        0.67      12.84
     """
     options = ControlOptions(
         damping=damping,

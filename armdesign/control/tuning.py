@@ -125,10 +125,11 @@ class Task:
         low, high = np.clip(least, SMALLEST * highest, highest), highest
         rows = self._holding(low, eta, np.arange(n))
         low[np.setdiff1d(np.arange(n), rows)] = 0.0
-        while len(rows) and (high[rows] > self.close * low[rows]).any():
+        while len(rows := rows[high[rows] > self.close * low[rows]]):
             middle = np.sqrt(low * high)
-            raised = np.isin(np.arange(n), self._holding(middle, eta, rows))
-            low, high = np.where(raised, middle, low), np.where(raised, high, middle)
+            raised = self._holding(middle, eta, rows)
+            high[rows] = np.where(np.isin(rows, raised), high[rows], middle[rows])
+            low[raised] = middle[raised]
         return low
 
     @property
