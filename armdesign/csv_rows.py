@@ -37,16 +37,21 @@ def plain_text(text: str) -> str:
     return text if NUMBER.fullmatch(text) or not FORMULA.match(text) else f"'{text}"
 
 
+def as_written(text: str) -> str:
+    """The text as it is written: as ``plain_text``, and printable."""
+    return plain_text(printable(text))
+
+
 def plain_cells(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with every text in its heads and cells as ``plain_text``, and printable."""
+    """The table with every text in its heads and cells ``as_written``."""
     import pandas as pd
 
     plain = table.copy()
     for k, (_, column) in enumerate(table.items()):
         if column.dtype.kind == "O":  # in which whole numbers keep all digits
-            cells = [plain_text(printable(c)) if isinstance(c, str) else c for c in column]
+            cells = [as_written(c) if isinstance(c, str) else c for c in column]
             plain.isetitem(k, pd.Series(cells, index=column.index, dtype=object).array)
-    return plain.rename(columns=lambda name: plain_text(printable(str(name))))
+    return plain.rename(columns=lambda name: as_written(str(name)))
 
 
 def read_rows(

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from armdesign import text_files, transaction
-from armdesign.csv_rows import DIGITS, plain_text
+from armdesign.csv_rows import DIGITS, as_written
 from armdesign.errors import ArmDesignError, printable
 from armdesign.streams import as_printed
 from armdesign.text_files import LARGEST_MACHINE_FILE
@@ -101,7 +101,7 @@ def _numbers(column: Array) -> tuple[str, Array]:
 def _as_written(cell: Any) -> str:
     """A cell as CSV has it: quoted where it must be, and no formula."""
     line = io.StringIO()
-    plain = plain_text(printable(cell)) if isinstance(cell, str) else cell
+    plain = as_written(cell) if isinstance(cell, str) else cell
     csv.writer(line, lineterminator=os.linesep).writerow([plain, ""])
     return line.getvalue().removesuffix(f",{os.linesep}")
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import copy_context
 from itertools import chain, islice
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 Part = TypeVar("Part")
 T = TypeVar("T")
@@ -34,6 +36,8 @@ def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
     if threads == 1:
         yield from map(work, chain(ahead, parts))
         return
+    from concurrent.futures import ThreadPoolExecutor
+
     pool = ThreadPoolExecutor(threads)
     try:
         waiting: deque[Future[T]] = deque()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from armdesign.threads import processors
 from tests.commands import ARMDESIGN, Refused, assert_one_line, run
 
 ROOT = Path(__file__).parent.parent
@@ -81,6 +82,22 @@ def test_one_thread_of_linear_algebra_unless_asked(
         [sys.executable, "-c", code], capture_output=True, text=True, env=kept | asked
     )
     assert {int(count) for count in finished.stdout.split()} == expected, finished.stderr
+
+
+@pytest.mark.parametrize("asked", ["", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"])
+def test_a_command_has_a_thread_for_each_processor_unless_asked(asked: str) -> None:
+    say = "import atexit; from armdesign import threads"
+    say += "; atexit.register(lambda: print(threads._beside))"
+    code = f"import sys; {say}; sys.argv = ['armdesign', 'check', 'no_such_machine']"
+    code += "; from armdesign.__main__ import main; main()"
+    kept = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+    finished = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env=kept | {asked or "X": "1"},
+    )
+    assert int(finished.stdout) == (1 if asked else processors()), finished.stderr
 
 
 @pytest.mark.slow

@@ -153,7 +153,10 @@ def margins_hold(loops: Loops, controller: Controller, margin: float, rows: Arra
 
 
 def narrowest(loops: Loops, controller: Controller, margin: float, rows: Array) -> Array:
-    """Bandwidth of the narrowest loop (m,) [rad/s], 0 where margins do not hold; arguments so."""
+    """Bandwidth of the narrowest loop (m,) [rad/s], 0 where the margin is missed.
+
+    Arguments as of ``margins_hold``.
+    """
     seen = _seen(loops, controller, margin, rows)
     return np.where(seen.holds, np.exp(seen.logs.min(axis=1)), 0.0)
 

@@ -373,11 +373,8 @@ class Design(ReadOnly):
 
     def _is_held(self, check: Check) -> bool:
         """Whether a requirement leaves no room, or in its box a pin no step of the drawing."""
-        if check.name.startswith("pin_box."):
-            return check.limit - check.value < max(
-                self.problem.grid.lengths * mm, BINDING * check.limit
-            )
-        return check.slack < BINDING
+        left, step = check.limit - check.value, self.problem.grid.lengths * mm
+        return check.slack < BINDING or (check.name.startswith("pin_box.") and left < step)
 
     @property
     def tightest(self) -> list[Check]:

@@ -56,9 +56,9 @@ def without_white(draw: Callable[P, Axes]) -> Callable[P, Axes]:
     @wraps(draw)
     def drawn(*words: P.args, **named: P.kwargs) -> Axes:
         ax = draw(*words, **named)
-        from armdesign.plots.layout import PAD
-
         if all(one is not ax for one in (*words, *named.values())):
+            from armdesign.plots.layout import PAD
+
             fig: Any = ax.figure
             with style():
                 fig.draw_without_rendering()

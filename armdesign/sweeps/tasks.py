@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from inspect import Parameter
 from typing import Any
 
 from armdesign.arguments import refuse_unless
@@ -171,7 +170,9 @@ def refuse_options(task: str | Task, options: Mapping[str, Any]) -> None:
             refuse_unless(f"options.{name}", options[name], parameters[name].annotation)
 
 
-def _refuse_other_beginning(parameters: list[Parameter], options: Mapping[str, Any]) -> None:
+def _refuse_other_beginning(
+    parameters: list[inspect.Parameter], options: Mapping[str, Any]
+) -> None:
     """Raise for a function whose first two parameters are not for machine and workspace."""
     remedy = "begin its parameters with machine and workspace; options come after them"
     if any(p.kind is p.VAR_POSITIONAL for p in parameters[:2]):

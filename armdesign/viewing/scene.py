@@ -200,9 +200,9 @@ def _links(machine: Machine, plane: PicturePlane, view: SideView, plates: bool) 
 
 def _hex(colour: tuple[float, ...] | None) -> str:
     """A URDF's colour as ``#RRGGBB``; the colour of bodies where it says none."""
-    if colour is None or len(colour) < 3:
+    if colour is None:
         return BODY
-    return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02X}" for part in colour[:3])
+    return "#" + "".join(f"{round(255 * part):02X}" for part in colour[:3])
 
 
 def _plate(machine: Machine, plane: PicturePlane, view: SideView, order: int) -> Iterator[Solid]:

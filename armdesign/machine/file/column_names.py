@@ -25,7 +25,7 @@ COLUMNS = frozenset(
         *("calibrated_error", "left_out_error"),
     )
 )
-NUMBERED = re.compile(r"f\d+_hz|(?:proportional|individual|damped|own)_.+")
+FAMILIES = re.compile(r"f\d+_hz|(?:proportional|individual|damped|own)_.+")
 OF_ACTUATOR = (
     *("locked_{}_hz", "rigid_{}_hz", "{}_force_n", "{}_torque_n_m", "{}_extension"),
     *("{}_pressure_gain_m_per_s_bar", "{}_load_bar", "{}_calibrated_load_bar"),
@@ -37,4 +37,4 @@ def is_column(name: str, joints: Iterable[str], actuators: Iterable[str]) -> boo
     """Whether a column of a machine's CSV files has this name and is no joint position."""
     of_both = (OF_ACTUATOR, actuators), (OF_JOINT, joints)
     named = (form.format(one) for forms, names in of_both for one in names for form in forms)
-    return name in COLUMNS or NUMBERED.fullmatch(name) is not None or name in named
+    return name in COLUMNS or FAMILIES.fullmatch(name) is not None or name in named
