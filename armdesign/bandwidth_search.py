@@ -3,13 +3,15 @@
 Frequencies are what programmes of the design know. The bandwidth of the loops goes with the
 frequency, but not alike at all poses: where a load is held or a valve is slow it is a smaller part
 of it, which depends on areas and pins too. So frequencies count in proportion to that part, with
-its slopes by the design vector; both are renewed at each new machine. Of all machines on the way
-the one of the largest least bandwidth is the answer.
+its slopes by the design vector, within a trust region about the machine at which both were found.
+A machine with more bandwidth takes its place; else the region shrinks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,23 +25,25 @@ from armdesign.control.least_bandwidth import (
     spread,
 )
 from armdesign.design.design import Design
-from armdesign.design.optimize import AimedSearch, best_frequency
+from armdesign.design.optimize import AimedSearch, SearchOptions, best_frequency
 from armdesign.design.program.corners import Emphasis
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
+from armdesign.design.requirements.check import meets
 from armdesign.design.requirements.settings import Requirements
 from armdesign.design.search.file_changes import diameters
+from armdesign.design.search.trust_region import Box, TrustRegion, ascend
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.units import mm
 
-RENEWALS = 4  # of the emphasis
+REGION = TrustRegion(radius=0.25, smallest=0.02, steps=8)  # relative areas, shares of pin boxes
 FEW = 30  # narrowest poses of each load case, at which slopes of the emphasis are found
 RESERVE = 1.1  # times the ratio of the nearest pose, at poses where it is not known
 LEAST_RATIO = 1e-3  # of the median: bandwidths over frequency below it count as this
 MOVED, RESIZED = 5 * mm, 0.03  # steps of pins [m] and relative areas, by which it is differenced
-RISEN = 2e-3  # share by which the bandwidth must rise for another
+RISEN = 2e-3  # share by which the bandwidth is promised to rise, or the search ends
 
 
 def best_bandwidth(
@@ -51,10 +55,10 @@ def best_bandwidth(
 ) -> Design:
     """The design of the largest least bandwidth that was found, with the values of the file.
 
-    A local search, without a bound. It starts from the design of the highest worst frequency, so
-    that it is never worse than this; today's machine may have more. Bandwidths are reached with
-    gains common to all joints, at ``least_bandwidth.POSES`` poses of the workspace, where today's
-    machine has one.
+    A local search, without a bound, from the design of the highest worst frequency, so that it is
+    never worse than this; or from today's machine, where that has more and meets the requirements.
+    Bandwidths are reached with gains common to all joints, at ``least_bandwidth.POSES`` poses of
+    the workspace, where today's machine has one.
 
     Args:
         machine: today's machine; every actuator needs a valve.
@@ -72,28 +76,65 @@ def best_bandwidth(
     look = _Bandwidths.of(machine, workspace, damping)
     within = (machine, workspace, requirements)
     aimed = replace(aimed, options={**aimed.options, "bands": Bands()})
-    design = best_frequency(*within, replace(aimed, objective="worst"))
-    best, reached = design, [least_bandwidth(look.today, look.today), look.least(design.machine)]
-    for _ in range(RENEWALS):
-        near = replace(
-            aimed,
-            start=design,
-            objective=look.emphasis(design),
-            options={**aimed.options, "starts": 1},
-        )
-        design = best_frequency(*within, near)
-        risen = look.least(design.machine)
-        if risen <= (1 + RISEN) * reached[-1]:
-            break
-        best, reached = design, [*reached[:2], risen]
+    fastest = best_frequency(*within, replace(aimed, objective="worst"))
+    highest = _Found.of(fastest, look)
+    start, today = highest, least_bandwidth(look.today, look.today)
+    if today > highest.merit and meets(machine, machine, workspace, requirements):
+        start = _Found(look, highest.problem, highest.problem.vector.start, today)
+
+    def step(found: _Found, box: Box, _: Sequence[_Found]) -> tuple[_Found, float] | None:
+        once: SearchOptions = {**aimed.options, "starts": 1}
+        near = replace(aimed, start=found.design, objective=found.emphasis(box), options=once)
+        trial = best_frequency(*within, near)
+        promised = trial.unrounded - found.merit
+        return (_Found.of(trial, look), promised) if promised > RISEN * found.merit else None
+
+    best = ascend(start, step, highest.problem.bounds, REGION)
+    new, reached = (best.design, best.merit) if best.design else (fastest, highest.merit)
     options = aimed.options
     command = call(
         "optimize", vary=tuple(aimed.vary), seed=options["seed"], starts=options["starts"],
         catalogue=options["catalogue"], objective="bandwidth", damping=damping,
     )  # fmt: skip
     return replace(
-        best, machine=best.written_by(command), bandwidths=(reached[0], reached[1], reached[-1])
+        new, machine=new.written_by(command), bandwidths=(today, highest.merit, reached)
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A machine of the search.
+
+    Attributes:
+        look: what it is judged by.
+        problem: in which it is the design vector.
+        x: its design vector.
+        merit: its least bandwidth [Hz].
+        design: it, written; None of today's machine.
+    """
+
+    look: _Bandwidths
+    problem: Problem
+    x: Array
+    merit: float
+    design: Design | None = None
+
+    @classmethod
+    def of(cls, design: Design, look: _Bandwidths) -> _Found:
+        return cls(look, design.problem, design.x, look.least(design.machine), design)
+
+    @cached_property
+    def _emphasis(self) -> Emphasis:
+        return self.look.emphasis(self.problem, self.x)
+
+    def emphasis(self, box: Box) -> Emphasis:
+        """By how much frequencies count within a box; sizes that a catalogue has are all near."""
+        low, high = box
+        least, most = (
+            np.where(high > low, self.x + end, sign * np.inf)
+            for end, sign in ((low, -1), (high, 1))
+        )
+        return replace(self._emphasis, ends=(least, most))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,26 +155,26 @@ class _Bandwidths:
         """The least of a machine [Hz]."""
         return least_bandwidth(bandwidths(machine, self.sample, self.damping)[0], self.today)
 
-    def emphasis(self, design: Design) -> Emphasis:
+    def emphasis(self, problem: Problem, x: Array) -> Emphasis:
         """By how much frequencies count towards bandwidth around a design."""
-        problem, x = design.problem, design.x
-        machine = _at(problem, x)
-        widths, ratios = bandwidths(machine, self.sample, self.damping)
+        widths, ratios = bandwidths(_at(problem, x), self.sample, self.damping)
         few = narrowest(widths, self.today, FEW)
         about = {name: ratio[few] for name, ratio in ratios.items()}
         growth = self._growth(problem, x, few, about)
         known = np.concatenate([ratio[np.isfinite(ratio)] for ratio in ratios.values()])
         least, most = LEAST_RATIO * float(np.median(known)), float(known.max())
+        counting = {
+            name: np.where(today > 0, np.fmax(ratios[name], least), most)
+            for name, today in self.today.items()
+        }
         return Emphasis(
-            ratio={
-                name: np.nan_to_num(np.maximum(ratio, least), nan=most)
-                for name, ratio in spread(ratios, self.sample, self.workspace, RESERVE).items()
-            },
+            ratio=spread(counting, self.sample, self.workspace, RESERVE),
             growth={
                 name: np.nan_to_num(slope)
                 for name, slope in spread(growth, self.sample, self.workspace).items()
             },
             about=x,
+            ends=(np.full(len(x), -np.inf), np.full(len(x), np.inf)),
             judge=self.least,
         )
 

@@ -65,6 +65,21 @@ def test_it_is_no_slower_than_the_design_for_frequency() -> None:
     assert bucket[1] > bucket[0]
 
 
+@pytest.mark.slow
+def test_it_climbs_from_today_where_frequency_costs_bandwidth() -> None:
+    """Pins of the highest frequency have less; far from a machine its emphasis is wrong."""
+    machine = ad.load("excavator_12t")
+    workspace = ad.Workspace.grid(machine, points=3)
+    design = ad.optimize(machine, workspace, vary=("pins",), objective="bandwidth")
+    assert design.bandwidths is not None
+    today, of_frequency, new = design.bandwidths
+    assert of_frequency < today
+    assert new > 1.03 * today
+    widths = ad.bandwidth_map(design.machine, workspace)
+    assert new == pytest.approx(widths.worst("damped")["damped_hz"], rel=1e-9)
+    assert all(check.slack >= 0 for check in design.checks)
+
+
 def emphasised(vary: tuple[str, ...], emphasis: Callable[..., Emphasis]) -> tuple[float, ...]:
     """Lowest ω² of two problems, alike but for an emphasis."""
     machine = ad.load("paper_1dof")
@@ -86,10 +101,16 @@ def test_emphasis_multiplies_frequencies_and_derivatives_follow(vary: tuple[str,
     def emphasis(count: int, about: np.ndarray) -> Emphasis:
         growth = random.normal(size=(count, len(about)))
         by_case = ({"load": ratio}, {"load": growth})
-        return Emphasis(ratio=by_case[0], growth=by_case[1], about=about, judge=lambda _: 0.0)
+        ends = about - 0.02, about + 0.01
+        return Emphasis(
+            ratio=by_case[0], growth=by_case[1], about=about, ends=ends, judge=lambda _: 0.0
+        )
 
     plain, other, x = emphasised(vary, emphasis)
     at = other.dynamics.corners.emphasis
+    low, high = other.bounds
+    free = plain.bounds[1] > plain.bounds[0]
+    np.testing.assert_allclose([at.about - low, high - at.about], [0.02 * free, 0.01 * free])
     expected = ratio * np.exp(at.growth["load"] @ (x - at.about))
     squared = other.dynamics.omega_squared(x) / plain.dynamics.omega_squared(x)
     np.testing.assert_allclose(np.sqrt(squared), expected, rtol=1e-12)

@@ -45,19 +45,21 @@ class Emphasis:
         ratio: under each load case at every pose of the workspace (n,), > 0.
         growth: of its logarithm with the entries of the design vector (n, nx).
         about: the design vector at which the ratio was found (nx,).
+        ends: least and largest design vector for which both are believed (nx,).
         judge: the value [Hz] of a machine that has been written, which shall be large.
     """
 
     ratio: Mapping[str, Array]
     growth: Mapping[str, Array]
     about: Array
+    ends: tuple[Array, Array]
     judge: Callable[[Machine], float]
 
     @property
     def identity(self) -> list[Any]:
         """Everything in which two can differ, for keys."""
         both = ({k: v.tolist() for k, v in each.items()} for each in (self.ratio, self.growth))
-        return [*both, self.about.tolist()]
+        return [*both, self.about.tolist(), *(end.tolist() for end in self.ends)]
 
 
 class Pistons(NamedTuple):

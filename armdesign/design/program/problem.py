@@ -115,9 +115,16 @@ class Problem:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Ends of every entry of x: a pin keeps to its own box, an area to its chosen size."""
+        """Ends of every entry of x: a pin keeps to its own box, an area to its chosen size.
+
+        And to where an emphasis is believed.
+        """
         low, high = np.array([self._ends(v) for v in self.vector.variables]).T
-        return low, high
+        emphasis = self.dynamics.corners.emphasis
+        if emphasis is None:
+            return low, high
+        least, most = (np.clip(end, low, high) for end in emphasis.ends)
+        return least, most
 
     @cached_property
     def identity(self) -> str:
