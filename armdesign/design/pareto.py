@@ -22,7 +22,7 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.workspace import Workspace
-from armdesign.machine.file.schema import DEFAULT, share_of
+from armdesign.machine.file.schema import DEFAULT, Shares, share_of
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
 
@@ -156,17 +156,25 @@ def limits_of(
 
 
 def limited(requirements: Requirements, against: str, limit: float) -> Requirements:
-    """The requirements with one limit at a value."""
+    """The requirements with one limit at a value; what has a share or a box of its own keeps it."""
     if against == "oil":
-        return replace(requirements, oil_total_share=limit, oil_each_share=EACH * limit)
+        each = _with_common(requirements.oil_each_share, EACH * limit)
+        return replace(requirements, oil_total_share=limit, oil_each_share=each)
     if against == "digging":
         torque = requirements.torque_share
         own = {name: min(limit, share_of(torque, name)) for name in requirements.digging}
         every = torque if isinstance(torque, Mapping) else {DEFAULT: torque}
         return replace(requirements, digging_share=limit, torque_share={**every, **own})
-    name = "pin_box" if against == "pin_box" else f"{against}_share"
-    changes: dict[str, Any] = {name: limit}
+    if against == "pin_box":
+        return replace(requirements, pin_box=limit)
+    name = f"{against}_share"
+    changes: dict[str, Any] = {name: _with_common(getattr(requirements, name), limit)}
     return replace(requirements, **changes)
+
+
+def _with_common(shares: Shares, common: float) -> Shares:
+    """Shares with another common one."""
+    return {**shares, DEFAULT: common} if isinstance(shares, Mapping) else common
 
 
 def _row(limit: float, design: Design) -> dict[str, float]:

@@ -60,7 +60,8 @@ def pareto(
         against: "oil": ``oil_total_share``, which is pump flow and so speed, and with it
             ``oil_each_share``, 1.1 × it; "thrust": ``thrust_share``; "digging": ``digging_share``,
             and ``torque_share`` of these cylinders where it is higher; "lift": ``lift_share``;
-            "pin_box": ``pin_box`` [m], pins with a box of their own keep that.
+            "pin_box": ``pin_box`` [m]. Actuators with a share of their own keep that, as pins
+            with a box of their own do.
         values: of the limit, in any order; some around today's if None.
         vary: as in ``optimize``.
         starts: how many starts each point has, as in ``optimize``; where that is worse than its

@@ -16,7 +16,7 @@ import pytest
 import armdesign as ad
 from armdesign import plots
 from armdesign.design.catalogue.sizes import sizes_of
-from armdesign.design.pareto import SHARES
+from armdesign.design.pareto import SHARES, limited
 from armdesign.errors import Stopped
 from armdesign.report.trade_offs import pareto_sheet
 from armdesign.sweeps import trade_offs
@@ -108,6 +108,19 @@ def test_points_of_a_catalogue_with_pins() -> None:
     for design in front.designs:
         assert {(round(c.bore, 6), round(c.rod, 6)) for c in design.machine.cylinders} <= offered
         assert min(design.slacks.values()) >= -1e-9
+
+
+def test_shares_and_boxes_of_their_own_stay() -> None:
+    """A file that holds one cylinder's thrust holds it in every row."""
+    own = {"default": 1.5, "b": 1.0}
+    kept = ad.Requirements(thrust_share=own, oil_each_share=own, lift_share=own)
+    for against, name, common in (
+        ("thrust", "thrust_share", 1.2),
+        ("oil", "oil_each_share", pytest.approx(1.32)),
+        ("lift", "lift_share", 1.2),
+    ):
+        assert getattr(limited(kept, against, 1.2), name) == {"default": common, "b": 1.0}
+    assert limited(ad.Requirements(), "thrust", 1.2).thrust_share == 1.2
 
 
 def test_limits_that_no_design_meets_are_left_out_and_said() -> None:
