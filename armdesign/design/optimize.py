@@ -159,7 +159,8 @@ def _outcome(
     if not problem.vector.moving:
         if sizes is not None:
             return _of_catalogue(problem, sizes)
-        return Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
+        outcome = Outcome.of(*multistart(problem, starts, seed, workers, given and given[0]))
+        return _as_today_where_idle(outcome, None)
     if sizes is not None:
         refuse_fixed_sizes(problem)
         refuse_unfit_catalogue(problem)
@@ -178,8 +179,7 @@ def _outcome(
         else:
             search, reached, rounded = sizes_and_pins(problem, sizes, starts, seed, workers, given)
             outcome = Outcome.of(search, reached, rounded=rounded)
-        used = without_idle_changes(outcome.rounded, outcome.search, sizes)
-        return replace(outcome, rounded=used)
+        return _as_today_where_idle(outcome, sizes)
     except InfeasibleError:
         near = near or sized(nearest, sizes)
         machine = _machine_near(near) if near.violation <= MISSED else None
@@ -263,7 +263,8 @@ def size_cylinders(
             return _of_catalogue(problem, sizes)
         start = found[0] if found else problem.vector.start
         search = Search(problem=problem, x=start).run(trust=1.0, tolerance=1e-6)
-        return Outcome.of(search, Starts((hertz(search.squared),)))
+        outcome = Outcome.of(search, Starts((hertz(search.squared),)))
+        return _as_today_where_idle(outcome, None)
 
     def under(problem: Problem, _: bool) -> Outcome:
         return Outcome.at_all_masses(problem, solve)
@@ -288,4 +289,10 @@ def _names(machine: Machine) -> tuple[str, ...]:
 
 def _of_catalogue(problem: Problem, sizes: Sizes) -> Outcome:
     search, best_sizes = sizes_for_pins(problem, sizes)
-    return Outcome.of(search, Starts((best_sizes.frequency,)), best_sizes)
+    outcome = Outcome.of(search, Starts((best_sizes.frequency,)), best_sizes)
+    return _as_today_where_idle(outcome, sizes)
+
+
+def _as_today_where_idle(outcome: Outcome, sizes: Sizes | None) -> Outcome:
+    rounded = without_idle_changes(outcome.rounded, outcome.search, sizes)
+    return replace(outcome, rounded=rounded)

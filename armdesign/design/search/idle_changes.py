@@ -1,7 +1,8 @@
 """Cylinders that a search changed for nothing stay as they are today.
 
 A programme does not care where pins are that its worst poses do not feel, as those of a
-telescope's cylinder; and a drawing that changes what gains nothing is work for nothing.
+telescope's cylinder, nor which of several sizes it takes there; and a drawing that changes what
+gains nothing is work for nothing.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ def without_idle_changes(
     which follow sizes and pins, it is then left as it was found.
     """
     problem, least = search.problem, best.judged * (1 - NOTHING)
-    for i in problem.vector.moving:
+    for i in range(len(problem.machine.cylinders)):
         x = search.x.copy()
         entries = list(problem.vector.moves(i))
         x[entries] = problem.vector.start[entries]
-        if search.trial(x).squared.min() < search.squared * (1 - WORTH):
+        if entries and search.trial(x).squared.min() < search.squared * (1 - WORTH):
             continue
         for changes in _back(best, problem, i, sizes):
             other = CheckedMachine.of(best.machine.replace(changes), best.problem)
@@ -54,10 +55,10 @@ def _back(
     new, name = flat(best.machine.section), f"cylinder.{cylinder.name}."
     back = {k: v for k, v in today.items() if k.startswith(name) and new.get(k) != v}
     lengths = {k: v for k, v in back.items() if not k.removeprefix(name).startswith(OF_SIZES)}
-    if not lengths:
+    if not back:
         return
     own = cylinder.bore, cylinder.rod
     if sizes is None or is_offered(cylinder, own, sizes, *problem.vector.resized[i]):
         yield back
-    if problem.vector.moving_masses is None:
+    if lengths and problem.vector.moving_masses is None:
         yield lengths
