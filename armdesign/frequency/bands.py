@@ -15,8 +15,8 @@ ends, and for those between that turn out lower.
 
 The gain of one machine over another has no such law: it may be least where some bands are soft and
 others stiff, or amid them. So the ends of up to ``FEW`` bands are combined in all ways; of more,
-those of oil are soft or stiff together. Designs are made for these corners, and judged at the
-other combinations and at places between too.
+those of oil are soft or stiff together, or those of structure, or both. Designs are made for these
+corners, and judged at the other combinations and at places between too.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ MASSES = ("payload", "link_mass")
 OIL, SPRINGS = ("bulk_modulus", "dead_volume", "air"), ("spring_stiffness",)
 STRUCTURE = "structure", "structures"
 SOFT_UP = ("dead_volume", "air", *STRUCTURE)  # whose upper end is the soft one
-FEW = 5  # bands, those of structure one, of which all combinations of ends are corners
+FEW = 5  # bands of which all combinations of ends are corners
 VOLUMES = ("cap_dead_volume", "annulus_dead_volume", "cap_hose_volume", "annulus_hose_volume")
 F = TypeVar("F", Cylinder, Motor)
 End: TypeAlias = frozenset[str]  # bands of stiffness that are soft, by name; the others are stiff
@@ -198,8 +198,11 @@ class Bands:
         """
         wide = self._wide
         masses = [name for name in MASSES if name in wide]
-        for oil in ([(name,) for name in OIL], [OIL]):  # one by one; all together
-            groups = [[name for name in one if name in wide] for one in (*oil, STRUCTURE, SPRINGS)]
+        oils, structures = ([(name,) for name in names] for names in (OIL, STRUCTURE))
+        pairs = (oils, structures), ([OIL], structures), (oils, [STRUCTURE]), ([OIL], [STRUCTURE])
+        for oil, structure in pairs:
+            together = (*oil, *structure, SPRINGS)
+            groups = [[name for name in names if name in wide] for names in together]
             groups = [group for group in groups if group]
             if len(groups) + len(masses) <= FEW:
                 break

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.frequency.bands import Corner
+from armdesign.frequency.bands import OIL, STRUCTURE, Corner
 from armdesign.frequency.cases import scaled_links
 from armdesign.frequency.frequency_band import FrequencyBand, Scenario
 from armdesign.frequency.worst_frequency import worst_anywhere, worst_frequency
@@ -161,9 +161,10 @@ def test_structure_of_single_actuators() -> None:
     machine = machines.named("excavator_20t")
     oil = [c.oil_compliance(machine.fluid, machine.supply) for c in machine.cylinders]
     common = ad.Bands(structure=(0.0, 0.5), structures={"stick": (0.1, 2.0)})
-    of_soft, of_stiff = (common.at_end(machine, soft).cylinders for soft in common.ends)
-    assert_allclose([c.compliance for c in of_soft], np.array([0.5, 2.0, 0.5]) * oil)
-    assert_allclose([c.compliance for c in of_stiff], np.array([0.0, 0.1, 0.0]) * oil)
+    shares = [0.5, 2.0, 0.5], [0.5, 0.1, 0.5], [0.0, 2.0, 0.0], [0.0, 0.1, 0.0]
+    for soft, share in zip(common.ends, shares, strict=True):
+        at_end = common.at_end(machine, soft).cylinders
+        assert_allclose([c.compliance for c in at_end], np.array(share) * oil)
     single = ad.Bands(structures={"stick": (0.1, 2.0)})
     boom, stick, bucket = single.at_end(machine, single.ends[0]).cylinders
     assert (boom, bucket) == (machine.cylinders[0], machine.cylinders[2])
@@ -367,3 +368,40 @@ def test_what_corners_share_changes_nothing(name: str) -> None:
         known = worst_anywhere(at_end, workspace, *shares, one.starts)
         anew = worst_anywhere(at_end, workspace, *shares)
         assert known.frequency == pytest.approx(anew.frequency, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("names", "count", "oil_together", "structure_together"),
+    [
+        ("structure structures bulk_modulus dead_volume payload", 16, False, False),
+        ("structure structures bulk_modulus dead_volume payload link_mass", 8, True, False),
+        ("structure structures bulk_modulus spring_stiffness payload link_mass", 8, False, True),
+        (
+            "structure structures bulk_modulus dead_volume air spring_stiffness payload",
+            16,
+            True,
+            False,
+        ),
+        (
+            "structure structures bulk_modulus air spring_stiffness payload link_mass",
+            8,
+            True,
+            True,
+        ),
+    ],
+)
+def test_of_many_bands_oil_moves_together_or_structure_or_both(
+    names: str, count: int, oil_together: bool, structure_together: bool
+) -> None:
+    """Of structures that differ from actuator to actuator some are soft while others are stiff."""
+    wide = {name: (0.5, 0.9) for name in names.split()}
+    if "structures" in wide:
+        wide["structures"] = {"stick": (0.5, 0.9)}
+    if "air" in wide:
+        wide["air"] = (0.0, 0.1)
+    ends = ad.Bands(**wide).ends
+    assert len(ends) == count
+    for group, together in ((OIL, oil_together), (STRUCTURE, structure_together)):
+        soft = {end & {*group} for end in ends}
+        present = {*group} & wide.keys()
+        assert (soft == {frozenset(), frozenset(present)}) == (together or len(present) == 1)
