@@ -2,7 +2,8 @@
 
 People write comments, blank lines, semicolons with decimal commas. A name in a machine file or
 URDF may begin with ``=`` or another sign of a formula; written with an apostrophe before it, it
-is a text for every spreadsheet. Reading takes the apostrophe off again.
+is a text for every spreadsheet, also behind a semicolon, at which some part cells. Reading takes
+the apostrophe off again.
 """
 
 from __future__ import annotations
@@ -34,7 +35,11 @@ FORMULA = re.compile(
 
 def plain_text(text: str) -> str:
     """The text as a cell or head of a column, with an apostrophe where it looks like a formula."""
-    return text if NUMBER.fullmatch(text) or not FORMULA.match(text) else f"'{text}"
+    return ";".join(f"'{part}" if _is_formula(part) else part for part in text.split(";"))
+
+
+def _is_formula(text: str) -> bool:
+    return bool(FORMULA.match(text)) and not NUMBER.fullmatch(text)
 
 
 def as_written(text: str) -> str:
@@ -120,4 +125,7 @@ def _fields(row: list[str], separator: str) -> list[str]:
 
 def _read(field: str) -> str:
     """A field as it was before ``plain_text``."""
-    return field[1:] if field == f"'{field[1:]}" == plain_text(field[1:]) else field
+    parts = field.split(";")
+    return ";".join(
+        part[1:] if part[:1] == "'" and _is_formula(part[1:]) else part for part in parts
+    )

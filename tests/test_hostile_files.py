@@ -290,6 +290,15 @@ def test_numbers_and_ordinary_names_stay(tmp_path: Path) -> None:
     assert text == "boom,payload,'tis\n-1.5,-,a=b\n2,-1.5e3,\n"
 
 
+def test_no_name_is_a_formula_behind_a_semicolon(tmp_path: Path) -> None:
+    """A spreadsheet whose separator of lists it is begins another cell there."""
+    names = ["x;=1+1;y", "a;-3;b", "@a;+b"]
+    write_csv(pd.DataFrame({"title": names, "n": [1, 2, 3]}), tmp_path / "x.csv")
+    text = (tmp_path / "x.csv").read_text(encoding="utf-8")
+    assert text.splitlines()[1:] == ["x;'=1+1;y,1", "a;-3;b,2", "'@a;'+b,3"]
+    assert [fields[0] for _, fields in read_rows(tmp_path / "x.csv")[1]] == names
+
+
 @pytest.mark.slow
 def test_a_urdf_of_text_is_bounded_too(refused: Refused) -> None:
     with pytest.raises(ad.ArmDesignError, match="5001 links, more than 5000"):

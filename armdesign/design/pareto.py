@@ -156,7 +156,7 @@ def limits_of(
 
 
 def limited(requirements: Requirements, against: str, limit: float) -> Requirements:
-    """The requirements with one limit at a value; what has a share or a box of its own keeps it."""
+    """The requirements with one limit at a value; own shares and boxes stay."""
     if against == "oil":
         each = _with_common(requirements.oil_each_share, EACH * limit)
         return replace(requirements, oil_total_share=limit, oil_each_share=each)

@@ -39,7 +39,13 @@ class Sheet:
     words: tuple[str, ...] = ("where",)
 
     def __post_init__(self) -> None:
-        """Make all text printable: names in a machine file may hold control characters."""
+        """Make all text printable: names in a machine file may hold control characters.
+
+        Raises:
+            ValueError: a row has more or fewer cells than there are heads.
+        """
+        if self.columns and any(len(row) != len(self.columns) for row in self.rows):
+            raise ValueError("a row has more or fewer cells than there are heads")
         for name in ("title", "note"):
             object.__setattr__(self, name, printable(getattr(self, name)))
         object.__setattr__(self, "columns", tuple(map(printable, self.columns)))

@@ -74,7 +74,8 @@ def _damage(text: str, place: str) -> str:
 def _provenance(part: Any) -> Iterator[tuple[str, str]]:
     """Version and command from the tables of a report of whatever format."""
     if isinstance(part, dict):
-        for row in part.get("rows") or ():
+        rows = part.get("rows")
+        for row in rows if isinstance(rows, list) else ():
             if isinstance(row, list) and len(row) == 2 and row[0] in (VERSION, COMMAND):
                 yield row[0], printable(str(row[1]))
         yield from _provenance(part.get("sheets"))

@@ -308,6 +308,7 @@ def test_the_format_has_a_new_number_where_what_is_kept_changes() -> None:
         (f"{200_000 * '['}", "is damaged: "),
         (written(title=3), "is damaged: title is not what armdesign writes there; make it anew"),
         (written(format=1), "(0.0.0, format 1); this one, {ours}, reads format 2; make it anew"),
+        (written(format=1, sections=[{"sheets": {"rows": 1.5}}]), "wrote it (format 1); this"),
         (written(scene=0), "another version of armdesign wrote it (0.0.0); this one, {ours}, "),
         ('{"title": "", "lead": "", "sections": [], "format": 9}', "wrote it (format 9); this"),
     ],
@@ -379,6 +380,14 @@ def test_no_key_of_a_report_may_be_lost() -> None:
         del part[key]
         with pytest.raises(ArmDesignError, match=f"is damaged: {path} is not what armdesign"):
             Report.of_text(json.dumps(data))
+
+
+def test_a_row_has_a_cell_below_each_head() -> None:
+    sheet = {"title": "", "columns": ["a"], "rows": [["1"], ["2", "3"]], "note": "", "bold": []}
+    section = {"title": "", "words": [], "sheets": [{**sheet, "words": []}]}
+    text = json.dumps({"title": "", "lead": "", "sections": [section], "format": FORMAT})
+    with pytest.raises(ArmDesignError, match=r"is damaged: sections\.0\.sheets\.0 is not what"):
+        Report.of_text(text)
 
 
 def test_a_report_is_named_by_its_folder(tmp_path: Path) -> None:
