@@ -229,7 +229,17 @@ def write_move(move: Move, folder: Path) -> None:
 
 def command_line(without: str | None = None) -> str:
     """The command as typed in the terminal, but for one word."""
-    return shlex.join(["armdesign", *(word for word in sys.argv[1:] if word != without)])
+    words = (word for word in sys.argv[1:] if word != without)
+    return " ".join(["armdesign", *map(_as_typed, words)])
+
+
+def _as_typed(word: str) -> str:
+    r"""A word of a command; one with control characters as shells read it: ``$'a\nb'``."""
+    shown = printable(word)
+    if shown == word:
+        return shlex.quote(word)
+    escaped = printable(word.replace("\\", "\\\\").replace("'", "\\'"))
+    return f"$'{escaped}'"
 
 
 def made_of(machine: Machine) -> str:

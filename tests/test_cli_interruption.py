@@ -18,9 +18,32 @@ import armdesign as ad
 from armdesign import cli
 from armdesign.design import design
 from armdesign.errors import ArmDesignError
+from armdesign.output import command_line
 from tests.commands import QUICK, assert_one_line, main, map_of
 
 # ------------------------------------------------------------------------------------ interruption
+
+
+def test_the_command_to_go_on_is_what_was_typed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Line ends and escape codes, which no terminal may see, are as bash and zsh read them."""
+    words = [
+        "map",
+        "a b",
+        "it's",
+        '$x`"',
+        "[1]",
+        "--out=nl\nx",
+        "esc\x1b[31m'\\q\u202e",
+        "",
+        "--new",
+    ]
+    monkeypatch.setattr(sys, "argv", ["armdesign", *words])
+    line = command_line(without="--new")
+    assert line.isprintable()
+    script = line.replace("armdesign", "printf '%s\\0'", 1)
+    environment = {**os.environ, "LC_ALL": "C.UTF-8"}
+    said = subprocess.run(["bash", "-c", script], capture_output=True, check=True, env=environment)
+    assert said.stdout.decode().split("\0")[:-1] == words[:-1]
 
 
 @pytest.mark.slow

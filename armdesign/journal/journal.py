@@ -232,10 +232,10 @@ class Journal:
             execute("UPDATE about SET value = ? WHERE name = 'files'", [together])
 
     def _refuse_places(self) -> None:
-        """Raise for a place that is no file."""
+        """Raise for a place that is no file, or a link: its log would lie beside that."""
         path, place = self._file, str(self.path)
-        if path.is_symlink() and not path.exists():
-            raise ArmDesignError(place, "is a link to nothing", "remove it, or name another file")
+        if path.is_symlink():
+            raise ArmDesignError(place, "is a link", "remove it, or name another file")
         if not path.name or "\0" in place or (path.exists() and not path.is_file()):
             raise ArmDesignError(place, "is no regular file", "name another for the journal")
 

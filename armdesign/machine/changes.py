@@ -129,7 +129,7 @@ def _as_before(before: Any, value: Any) -> Any:
     whole = isinstance(value, int) and not isinstance(value, bool)
     if isinstance(value, list):
         return [_as_before(0.0, item) for item in value]
-    if not whole or isinstance(before, int) or abs(value) > sys.float_info.max:
+    if not whole or isinstance(before, int | str) or abs(value) > sys.float_info.max:
         return value
     return float(value)
 

@@ -192,8 +192,11 @@ def refuse_many(count: int) -> None:
 
 
 def _value(text: str) -> Any:
-    """What a field of a CSV file says: a number, a list, true or false, or a text."""
-    if text.startswith("["):
+    """What a field of a CSV file says: a number, a list, true or false, or a text.
+
+    A list is as in TOML, and so is a text in quotes of its own: "1" is no number.
+    """
+    if text.startswith(("[", '"')):
         return toml_value(text)
     for kind in (int, float) if NUMBER.fullmatch(text) else ():
         try:

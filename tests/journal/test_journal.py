@@ -192,11 +192,15 @@ def test_a_journal_stays_where_it_began_wherever_a_task_goes(
     assert not list(here.iterdir())
 
 
-def test_a_link_to_nothing_is_not_followed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("there", [False, True])
+def test_a_link_is_not_followed(there: bool, tmp_path: Path) -> None:
     (tmp_path / "j.sqlite").symlink_to(tmp_path / "elsewhere.sqlite")
-    with pytest.raises(ArmDesignError, match="is a link to nothing; remove it, or name another"):
+    if there:
+        (tmp_path / "elsewhere.sqlite").touch()
+    with pytest.raises(ArmDesignError, match="is a link; remove it, or name another"):
         opened(tmp_path / "j.sqlite")
-    assert not (tmp_path / "elsewhere.sqlite").exists()
+    assert [*tmp_path.glob("elsewhere*")] == [tmp_path / "elsewhere.sqlite"] * there
+    assert not there or (tmp_path / "elsewhere.sqlite").read_bytes() == b""
 
 
 def test_a_journal_without_a_case_goes_with_its_folders(tmp_path: Path) -> None:

@@ -300,11 +300,11 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
     for digits in range(8):  # each eighth of both ranges has one point
         assert sum(int(8 * p["a"]) == digits for p in points) == 1
         assert sum(int(8 * (p["b"] - 10) / 10) == digits for p in points) == 1
-    (tmp_path / "c.csv").write_text("a;b;c\n1,5;x;true\n2;;false\n3;[1, 2.5];\n")
+    (tmp_path / "c.csv").write_text('a;b;c\n1,5;x;true\n2;;false\n3;[1, 2.5];"""3"""\n')
     assert csv_changes(tmp_path / "c.csv") == [
         {"a": 1.5, "b": "x", "c": True},
         {"a": 2, "c": False},
-        {"a": 3, "b": [1, 2.5]},
+        {"a": 3, "b": [1, 2.5], "c": "3"},
     ]
 
 
