@@ -59,6 +59,9 @@ def _options(options: Any, path: Path) -> Any:
     if isinstance(options, list):
         return [_options(one, path) for one in options]
     name = options.get("catalogue") if isinstance(options, dict) else None
+    if isinstance(name, list):  # of metres, as in Python, or of millimetres?
+        remedy = 'name a CSV file with columns bore_mm and rod_mm: catalogue = "sizes.csv"'
+        raise ArmDesignError(f"{path.name}: options.catalogue", "is a list", remedy)
     if not (isinstance(name, str) and name.lower().endswith(".csv")):
         return options
     return options | {"catalogue": [list(pair) for pair in read_sizes(path.parent / name)]}

@@ -105,6 +105,9 @@ def test_a_catalogue_of_a_study_is_a_file_beside_it(tmp_path: Path) -> None:
     )
     read = read_study(study, ad.load)
     assert read["options"]["catalogue"] == [[pytest.approx(0.063), pytest.approx(0.036)]]
+    study.write_text(study.read_text().replace('"sizes.csv"', "[[63, 36]]"))
+    with pytest.raises(ad.ArmDesignError, match=r'is a list; name a CSV file .* "sizes\.csv"'):
+        read_study(study, ad.load)
     answers = ad.sweep(**read)
     assert not answers.failures
 
