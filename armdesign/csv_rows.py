@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,12 +26,21 @@ if TYPE_CHECKING:
 
 Row = tuple[int, list[str]]
 DIGITS = 9  # significant, of numbers that are written
+INSTANTS, DECIMALS = ("time_s", "begin_s", "end_s"), 6  # of clocks that may count from 1970
 DECIMAL = re.compile(r"[-+]?\d*,\d+(e[-+]?\d+)?", re.IGNORECASE)
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
 FORMULA = re.compile(
     r"[=+\-@\t\r＝＋－＠].", re.DOTALL
 )  # how a formula begins, for one spreadsheet or another
+
+
+def digits_of(name: str, values: Iterable[float]) -> int:
+    """Significant digits of a column's numbers: of instants so many that microseconds are told."""
+    if name not in INSTANTS:
+        return DIGITS
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    return max(DIGITS, len(f"{largest:.0f}") + DECIMALS)
 
 
 def plain_text(text: str) -> str:

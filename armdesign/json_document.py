@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from armdesign.csv_rows import DIGITS
+from armdesign.csv_rows import DIGITS, digits_of
 from armdesign.errors import ArmDesignError
 
 if TYPE_CHECKING:
@@ -79,8 +79,12 @@ class Document(Part):
         self.numbers |= {name: _value(value) for name, value in numbers.items()}
         for name, table in tables.items():
             columns = {str(head): column.tolist() for head, column in table.items()}
-            rows = zip(*columns.values(), strict=True)
-            self.tables[name] = [dict(zip(columns, map(_value, row), strict=True)) for row in rows]
+            written = [
+                [_value(cell, digits_of(head, cells)) for cell in cells]
+                for head, cells in columns.items()
+            ]
+            rows = zip(*written, strict=True)
+            self.tables[name] = [dict(zip(columns, row, strict=True)) for row in rows]
 
     def add_fault(self, error: ArmDesignError) -> None:
         """Add a fault."""
@@ -115,11 +119,11 @@ def _printed(sheet: Sheet) -> PrintedSheet:
     )
 
 
-def _value(value: Any) -> Cell:
+def _value(value: Any, digits: int = DIGITS) -> Cell:
     """A cell as JSON has it: numbers with the digits of CSV files, what is missing as null."""
     plain = value.item() if hasattr(value, "item") else value
     if plain is None or isinstance(plain, bool | int):
         return plain
     if isinstance(plain, float):
-        return float(f"{plain:.{DIGITS}g}") if math.isfinite(plain) else None
+        return float(f"{plain:.{digits}g}") if math.isfinite(plain) else None
     return str(plain)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from armdesign import text_files, transaction
-from armdesign.csv_rows import DIGITS, as_written
+from armdesign.csv_rows import as_written, digits_of
 from armdesign.errors import ArmDesignError, printable
 from armdesign.streams import as_printed
 from armdesign.text_files import LARGEST_MACHINE_FILE
@@ -47,14 +47,15 @@ changed: list[Path] = []  # files that this process has written
 def write_csv(table: pd.DataFrame | Mapping[str, Array], path: Path) -> None:
     """Write a frame or columns as CSV with nine digits, without text that a spreadsheet would run.
 
-    To the letter what ``DataFrame.to_csv`` writes, in a fraction of its time.
+    To the letter what ``DataFrame.to_csv`` writes, in a fraction of its time; late instants have
+    more digits.
     """
     import numpy as np
 
     from armdesign.arrays import chunks
 
     names, columns = zip(*table.items(), strict=True)
-    formats, parts = zip(*map(_cells, columns), strict=True)
+    formats, parts = zip(*map(_cells, names, columns), strict=True)
     if len(parts) == 1:  # an empty line would be none
         formats, parts = ("%s",), ([formats[0] % cell or '""' for cell in parts[0]],)
     line = ",".join(formats) + os.linesep
@@ -67,15 +68,17 @@ def write_csv(table: pd.DataFrame | Mapping[str, Array], path: Path) -> None:
             file.write(line * len(cells) % tuple(cells.ravel()))
 
 
-def _cells(column: pd.Series[Any] | Array) -> tuple[str, Array | list[str]]:
+def _cells(name: str, column: pd.Series[Any] | Array) -> tuple[str, Array | list[str]]:
     """The format of a column's cells, and these: texts, empty where there is none, or numbers."""
     numbers = column.dtype.kind == "f"
     missing = column.isna().to_numpy() if hasattr(column, "isna") else column != column
     if numbers and not missing.any():
-        return _numbers(column.to_numpy() if hasattr(column, "to_numpy") else column)
+        array = column.to_numpy() if hasattr(column, "to_numpy") else column
+        return _numbers(array, digits_of(name, array))
     values = column.tolist()
     if numbers:
-        cells = [f"{value:.{DIGITS}g}" for value in values]
+        digits = digits_of(name, values)
+        cells = [f"{value:.{digits}g}" for value in values]
     elif column.dtype.kind in "iub":
         cells = list(map(str, values))
     else:
@@ -87,15 +90,15 @@ def _cells(column: pd.Series[Any] | Array) -> tuple[str, Array | list[str]]:
     return "%s", cells
 
 
-def _numbers(column: Array) -> tuple[str, Array]:
+def _numbers(column: Array, digits: int) -> tuple[str, Array]:
     """Format and cells of numbers; few that come again and again, as joints', are made texts."""
     import numpy as np
 
     bits = np.ascontiguousarray(column, dtype=float).view(np.int64)  # which tell -0 from 0
     if len(np.unique(bits[:: len(bits) // LOOKED_AT + 1])) > FEW:
-        return f"%.{DIGITS}g", column
+        return f"%.{digits}g", column
     some, which = np.unique(bits, return_inverse=True)
-    return "%s", np.array([f"{each:.{DIGITS}g}" for each in some.view(float)], object)[which]
+    return "%s", np.array([f"{each:.{digits}g}" for each in some.view(float)], object)[which]
 
 
 def _as_written(cell: Any) -> str:

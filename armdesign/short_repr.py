@@ -74,7 +74,7 @@ def _in_words(value: Any, depth: int) -> str:
         name = getattr(value, "name", None)
         if isinstance(name, str):
             return name
-        small = depth == 1 and len(fields(value)) <= 6
+        small = depth == 1 and sum(f.repr for f in fields(value)) <= 6
         return f"({_fields(value, depth)})" if small else type(value).__name__
     try:
         return f"{value:.6g}"

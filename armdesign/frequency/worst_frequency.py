@@ -8,7 +8,7 @@ grid; ``worst_anywhere`` does so for all load cases.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -24,6 +24,7 @@ from armdesign.frequency.modes import (
 from armdesign.frequency.population import lowest_by_population
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
+from armdesign.machine.dead_centres import DeadCentre, dead_centre
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import RigidPoses
 
@@ -63,9 +64,11 @@ class WorstPose(ReadOnly):
         q: joint positions (nq,) [rad, m].
         payload: name of the load case.
         frequency: lowest coupled natural frequency there [Hz].
-        cylinder: the actuator or spring with the largest share of that mode's elastic energy.
+        cylinder: the actuator or spring with the largest share of that mode's elastic energy; of
+            an unstable pose the cylinder at its ``dead_centre``, if there is one.
         tool: position of the tool (3,) [m].
         joints: names of the coordinates.
+        dead_centre: that an unstable pose is next to; None: no such.
     """
 
     q: Array
@@ -74,6 +77,7 @@ class WorstPose(ReadOnly):
     cylinder: str
     tool: Array
     joints: tuple[str, ...]
+    dead_centre: DeadCentre | None = field(default=None, repr=False)
 
 
 def worst_frequency(
@@ -201,13 +205,15 @@ def worst_pose(case: CasePoses, q: Array, frequency: float) -> WorstPose:
     machine = case.machine
     poses = machine.at(case.rigid_at(q))
     share = energy_shares(poses, natural_modes(poses))[0, 0]
+    dead = dead_centre(machine, q) if frequency == 0 else None
     return WorstPose(
         q=q,
         payload=machine.payload.name,
         frequency=frequency,
-        cylinder=machine.yielding[int(share.argmax())].name,
+        cylinder=dead.cylinder if dead else machine.yielding[int(share.argmax())].name,
         tool=poses.tool[0],
         joints=machine.joints,
+        dead_centre=dead,
     )
 
 

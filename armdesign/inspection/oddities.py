@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdesign.arrays import weighted_share
+from armdesign.arrays import Array, weighted_share
 from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
+from armdesign.machine.dead_centres import SMALL_MOMENT_ARM, dead_centre
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.poses import pose_text
 from armdesign.machine.tipping import centre_ahead
@@ -25,12 +26,12 @@ if TYPE_CHECKING:
 
 # head, piston, gland and two eyes of a real cylinder take at least about this, over its bore
 DEAD_LENGTH_PER_BORE = 2.2
-SMALL_MOMENT_ARM = 0.15  # of the largest
 STROKE_USED = 0.6
 RANGE_TOLERANCE = {"rad": 0.01, "m": 0.005}  # by which URDF limit and stroke may differ
 PITCH_REACHED = 0.02  # [rad] by which a pitch range may be wider than the workspace
 BULK_MODULUS = (400e6, 2200e6)  # [Pa] effective values that have been measured on machines
 BAND_TOLERANCE = 0.01  # of a value at the end of its band
+UNSTABLE_POSES = 50  # at most at which the cause is looked for
 NO_FREQUENCIES = "no natural frequencies"
 RODS_SAFETY = 1.0  # Euler load over the supply's thrust
 
@@ -178,8 +179,20 @@ def _of_modes(inspection: Inspection, name: str) -> Iterator[Oddity]:
     if np.any(lowest == 0):
         unstable = weighted_share(lowest == 0, inspection.workspace.weights[case.exists])
         share = f"{share_text(unstable)} of the poses are unstable (0 Hz)"
-        why = "gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+        why = _why_unstable(case.machine, case.rigid.q[lowest == 0])
         yield f"payload.{name}", f"{share}: {why}"
+
+
+def _why_unstable(machine: Machine, q: Array) -> str:
+    """Why poses (n, nq) are unstable: dead centres, gravity, or both."""
+    causes = dict.fromkeys(
+        dead_centre(machine, pose) for pose in q[:: len(q) // UNSTABLE_POSES + 1]
+    )
+    whys = [f"{dead.fault}; {dead.remedy}" for dead in causes if dead]
+    if None in causes:
+        gravity = "gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+        whys.append(f"at others {gravity}" if whys else gravity)
+    return "; ".join(whys)
 
 
 def _of_idle(inspection: Inspection) -> Iterator[Oddity]:

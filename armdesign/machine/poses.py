@@ -27,9 +27,10 @@ from armdesign.mechanism.joint_ranges import DEAD_CENTRE
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.short_repr import short_repr
-from armdesign.units import WORKSHOP, Units, deg, outward
+from armdesign.units import WORKSHOP, Units, deg, mm, outward
 
 if TYPE_CHECKING:
+    from armdesign.hydraulics.actuator import Cylinder
     from armdesign.machine.machine import Machine
     from armdesign.mechanism.arm import RigidPoses
     from armdesign.plots.canvas import Axes
@@ -267,13 +268,14 @@ def refuse_unreachable(machine: Machine, poses: Poses) -> None:
         least, most = cylinder.closed_length, cylinder.open_length
         part = f"{machine.name}: {cylinder.name} cylinder"
         if np.any(open_ := ~np.isfinite(length)):
-            where = pose_text(machine, poses.q[open_][0])
-            remedy = f"stay in the range of {_range_text(machine, linkage)}"
+            where = pose_text(machine, first := poses.q[open_][0])
+            remedy = f"stay in the range of {_range_text(machine, linkage, cylinder, first)}"
             raise PoseError(part, f"its {linkage.title} does not close at {where}", remedy)
         out = (length < least - STROKE_TOLERANCE) | (length > most + STROKE_TOLERANCE)
         if np.any(out):
-            where = f"[{least:.4f}, {most:.4f}] m at {pose_text(machine, poses.q[out][0])}"
-            remedy = f"stay in the range of {_range_text(machine, linkage)}"
+            first = poses.q[out][0]
+            where = f"[{least:.4f}, {most:.4f}] m at {pose_text(machine, first)}"
+            remedy = f"stay in the range of {_range_text(machine, linkage, cylinder, first)}"
             fault = f"length {length[out][0]:.4f} m is outside its stroke {where}"
             raise PoseError(part, fault, f"{remedy} or change stroke and pins")
     arms = poses.moment_arms[..., : len(machine.joints)]
@@ -381,9 +383,42 @@ def pose_text(
     )
 
 
-def _range_text(machine: Machine, linkage: Linkage) -> str:
-    ranges = ((machine.arm.joints[j], *machine.ranges[j]) for j in linkage.joints)
+def _range_text(machine: Machine, linkage: Linkage, cylinder: Cylinder, q: Array) -> str:
+    """Ranges in which a pose (nq,) must be that a cylinder cannot take.
+
+    Where it lies in all of them, as only the pose as a whole is at fault, the range of one joint
+    while the others stand: of the last that has one.
+    """
+    joints, ranges = machine.arm.joints, machine.ranges
+    if all(ranges[j, 0] <= q[j] <= ranges[j, 1] for j in linkage.joints):
+        for j in reversed(linkage.joints):
+            if len(within := _in_stroke(machine, linkage, cylinder, q, j)):
+                others = [k for k in linkage.joints if k != j]
+                stand = ", ".join(
+                    f"{joints[k].name} {WORKSHOP.text(q[k], joints[k].unit)}" for k in others
+                )
+                ends = WORKSHOP.span(within[0], within[-1], joints[j].unit)
+                return f'joint "{joints[j].name}" {ends} at {stand}'
+    spans = ((joints[j], *ranges[j]) for j in linkage.joints)
     return " and ".join(
         f'joint "{joint.name}" {WORKSHOP.span(low, high, joint.unit)}'
-        for joint, low, high in ranges
+        for joint, low, high in spans
     )
+
+
+def _in_stroke(machine: Machine, linkage: Linkage, cylinder: Cylinder, q: Array, j: int) -> Array:
+    """Positions of a joint next to a pose (nq,) that a cylinder can take, in a joint's decimals.
+
+    Of several runs of them the one nearest to the pose; empty where there is none.
+    """
+    step = (deg if machine.arm.joints[j].revolute else mm) / 10
+    low, high = machine.ranges[j] / step
+    along = np.tile(q, (math.floor(high) - math.ceil(low) + 1, 1))
+    along[:, j] = np.arange(math.ceil(low), math.floor(high) + 1) * step
+    with np.errstate(invalid="ignore"):
+        length = linkage.length(machine.arm.kinematics(along))
+        inside = (length >= cylinder.closed_length) & (length <= cylinder.open_length)
+    rows = np.flatnonzero(inside)
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    nearest = min(runs, key=lambda run: np.abs(along[run, j] - q[j]).min(initial=np.inf))
+    return np.asarray(along[nearest, j])

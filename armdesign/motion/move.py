@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from armdesign.machine.machine import Machine
 from armdesign.motion.feed_forward import SpoolPlan
 from armdesign.motion.outcome import MoveRun
 from armdesign.motion.shapers import TOLERATED, Shaper
-from armdesign.motion.trajectory import Trajectory
+from armdesign.motion.trajectory import INTERVAL, Trajectory
 from armdesign.short_repr import short_repr
 from armdesign.simulation.excitation import Table
 from armdesign.units import deg, l_per_min, mm
@@ -110,19 +111,28 @@ class Move(ReadOnly):
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """The plan, one row per instant: joints, piston speeds, pump flow and spool commands."""
+        """The plan, one row per instant: joints, piston speeds, pump flow and spool commands.
+
+        From 0 on: the arm rests until ``lead``, but slow spools are commanded before.
+        """
         import pandas as pd
 
-        columns: dict[str, Array] = {"time_s": self.lead + self.planned.time}
+        count = math.ceil(self.lead / INTERVAL)
+        before = np.linspace(0.0, self.lead, count, endpoint=False)
+
+        def from_rest(planned: Array) -> Array:
+            return np.concatenate([np.repeat(planned[:1], count), planned])
+
+        columns = {"time_s": np.concatenate([before, self.lead + self.planned.time])}
         for joint, position in zip(self.machine.arm.joints, self.planned.q.T, strict=True):
             unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
-            columns[f"{joint.name}_{unit}"] = position / factor
+            columns[f"{joint.name}_{unit}"] = from_rest(position / factor)
         for i, (name, table) in enumerate(self.commands.items()):
             turns = isinstance(self.machine.actuators[i], Motor)
             unit, factor = ("deg_per_s", deg) if turns else ("mm_per_s", mm)
-            columns[f"{name}_{unit}"] = self.plan.speeds[:, i] / factor
+            columns[f"{name}_{unit}"] = from_rest(self.plan.speeds[:, i] / factor)
             columns[f"{name}_spool"] = np.array([table(t) for t in columns["time_s"]])
-        columns["pump_l_per_min"] = self.plan.flow / l_per_min
+        columns["pump_l_per_min"] = from_rest(self.plan.flow / l_per_min)
         return pd.DataFrame(columns)
 
     @property

@@ -92,7 +92,7 @@ def _responses(identified: Identified) -> Any:
         ax.semilogy(*fit.curve, "-", color=MARK, lw=1.5, label="fit")
         left = np.abs(fit.response - fit.fitted)
         ax.semilogy(fit.frequency, left, "x", color=COMPUTED, ms=4, label="residual")
-        title = f"{window.begin:g}–{window.end:g} s: {fit.natural_frequencies[0]:.3f} Hz"
+        title = f"{identified.span(window)} s: {fit.natural_frequencies[0]:.3f} Hz"
         ax.set(xlabel="frequency [Hz]", ylabel=identified.signal, title=title)
         ax.grid(alpha=0.3)
     axes[0].legend(frameon=False)

@@ -58,7 +58,7 @@ def gain_sheet(design: Design, units: Units = WORKSHOP) -> Sheet:
         *filter(None, [between, too_few_poses(design.before, design.after)]),
         f"in its own workspace the new machine's worst is {in_hertz(own)}",
         f"{made_for[design.made_for]}before rounding {_reached(design, design.unrounded)}",
-        *filter(None, [limiting_note(design.machine, after.cylinder)]),
+        *filter(None, [limiting_note(design.machine, after)]),
     ]
     reached = notes_on_starts(design) + _buildability(design)
     title = design.today.section.title or design.today.name
@@ -296,7 +296,7 @@ def summary(design: Design) -> str:
     """The result in one sentence."""
     before, after = design.before.worst, design.after.worst
     limiting = f"; most limiting: {design.binding[0].words}" if design.binding else ""
-    if stuck := limiting_note(design.machine, after.cylinder):
+    if stuck := limiting_note(design.machine, after):
         limiting += f"; {stuck}"
     gain = f" ({percent(design.gain)})" if before.frequency > 0 else ""
     return (

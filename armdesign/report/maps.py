@@ -15,13 +15,11 @@ from armdesign.units import WORKSHOP, Units, percent, share_text
 
 if TYPE_CHECKING:
     from armdesign.frequency.maps import FrequencyMap
+    from armdesign.frequency.worst_frequency import WorstPose
 
 NOTABLE = 0.005  # change of the worst frequency
 ORIGINS = "oil", "gravity", "moment arms under load", "springs of the structure"
 LOWEST = "lowest of the poses"  # of a workspace alone; the worst is sought between them too
-UNSTABLE = (
-    ": unstable, gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
-)
 
 
 def in_hertz(frequency: float) -> str:
@@ -42,21 +40,30 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
     """The worst frequency, where it is, and what limits it."""
     machine, worst = frequencies.machine, frequencies.worst
     reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
+    dead = "" if worst.dead_centre is None else ", at its dead centre"
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
-    springs, reliefs = limiting_note(machine, worst.cylinder), _relief_note(frequencies, units)
+    springs, reliefs = limiting_note(machine, worst), _relief_note(frequencies, units)
     notes = between_poses({"": frequencies}), springs, reliefs, _rest_note(frequencies)
-    frequency = f"{worst.frequency:.3f} Hz" + (UNSTABLE if worst.frequency == 0 else "")
     return Sheet(
         title=f"{machine.section.title or machine.name}: lowest natural frequency",
         rows=(
-            ("worst frequency", frequency),
+            ("worst frequency", _frequency_and_why(worst)),
             ("at", worst_pose_text(machine, worst, units)),
             ("tool at", f"reach {reach:.2f} m, height {worst.tool[2]:.2f} m"),
-            ("limited by", f"{worst.cylinder} {limiting.kind}"),
+            ("limited by", f"{worst.cylinder} {limiting.kind}{dead}"),
         ),
         note="; ".join(filter(None, notes)),
         bold=(0,),
     )
+
+
+def _frequency_and_why(worst: WorstPose) -> str:
+    if worst.frequency > 0:
+        return f"{worst.frequency:.3f} Hz"
+    why = "gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+    if dead := worst.dead_centre:
+        why = dead.fault
+    return f"{worst.frequency:.3f} Hz: unstable, {why}"
 
 
 def between_poses(maps: Mapping[str, FrequencyMap]) -> str:

@@ -15,11 +15,11 @@ POSES = ("_mm", "_deg")
 
 def identified_sheets(identified: Identified) -> list[Sheet | str]:
     """Windows with frequency, damping and pose, and what a reader should know of them."""
-    frame = identified.frame
+    frame, time_text = identified.frame, identified.recording.time_text
     poses = [name for name in frame.columns if name.endswith(POSES)]
     remarks, rows = (frame["remark"] != "").any(), []
     for _, row in frame.iterrows():
-        cells = [f"{row['begin_s']:g}–{row['end_s']:g}"]
+        cells = ["–".join(map(time_text, (row["begin_s"], row["end_s"])))]
         cells += [f"{row['frequency_hz']:.4f} ± {row['deviation_hz']:.4f}"]
         cells += [f"{row['damping_ratio']:.4f} ± {row['damping_deviation']:.4f}"]
         cells += ["–" if math.isnan(row["amplitude"]) else f"{row['amplitude']:.3g}"]

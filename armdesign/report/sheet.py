@@ -58,11 +58,14 @@ def worst_pose_text(machine: Machine, worst: WorstPose, units: Units = WORKSHOP)
     return f"{pose_text(machine, worst.q, units)}, payload {worst.payload}"
 
 
-def limiting_note(machine: Machine, limiting: str) -> str:
-    """Note that a spring or motor limits; empty where ``limiting`` is a cylinder."""
+def limiting_note(machine: Machine, worst: WorstPose) -> str:
+    """Note that a spring, motor or dead centre limits; empty where a cylinder's oil does."""
+    if dead := worst.dead_centre:
+        limits = f"the dead centre of the {dead.cylinder} cylinder limits there"
+        return f"{limits}, which no size changes: {dead.remedy}"
     for kind, parts in (("motor", machine.motors), ("spring", machine.springs)):
-        if limiting in [part.name for part in parts]:
-            return f"the {limiting} {kind} limits there, which no search changes"
+        if worst.cylinder in [part.name for part in parts]:
+            return f"the {worst.cylinder} {kind} limits there, which no search changes"
     return ""
 
 

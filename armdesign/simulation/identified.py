@@ -166,6 +166,10 @@ class Identified:
         ]
         return pd.DataFrame(rows, columns=PRESSURE_COLUMNS)
 
+    def span(self, window: IdentifiedWindow) -> str:
+        """Begin and end [s] of a window in words, which tell it from all others."""
+        return "–".join(map(self.recording.time_text, (window.begin, window.end)))
+
     @property
     def findings(self) -> list[str]:
         """Sentences: doubts, effects of the swing, verdicts on pressures, what is missing."""
@@ -183,7 +187,7 @@ class Identified:
         for window in self.windows:
             if window.remarks:
                 words = "; ".join(window.remarks.values())
-                yield f"{window.begin:g}–{window.end:g} s: {words}"
+                yield f"{self.span(window)} s: {words}"
 
     def _changes(self) -> Iterator[str]:
         """Frequencies that depend on the swing."""
@@ -192,7 +196,7 @@ class Identified:
             if change:
                 first, second, big, small = change
                 yield (
-                    f"{window.begin:g}–{window.end:g} s: large swings ring"
+                    f"{self.span(window)} s: large swings ring"
                     f" {'lower' if first < second else 'higher'}: {first:.3f} Hz at ±{big:.3g},"
                     f" {second:.3f} Hz at ±{small:.3g}"
                     f"{self.motion(window) and f'; but {self.motion(window)}'}"

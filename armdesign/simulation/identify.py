@@ -164,7 +164,8 @@ def _missing(whole: Recording, begin: float, end: float) -> dict[str, str]:
     first, last = float(whole.time[0]), float(whole.time[-1])
     if begin >= first - whole.step and end <= last + whole.step:
         return {}
-    return {"cut": f"the recording holds {first:g}–{last:g} s, not all of {begin:g}–{end:g} s"}
+    held, asked = ("–".join(map(whole.time_text, ends)) for ends in ((first, last), (begin, end)))
+    return {"cut": f"the recording holds {held} s, not all of {asked} s"}
 
 
 def _recording(given: str | Path | Recording | Mapping[str, Any]) -> Recording:
@@ -207,7 +208,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         swings=pieces,
         ratios=tuple(_ratios(part, step, first, damping)),
         means=means_of(part),
-        remarks=_remarks(fit, pieces),
+        remarks=_remarks(part, fit, pieces),
     )
 
 
@@ -237,7 +238,7 @@ def _refuse_fast(part: Recording, name: str, step: float, level: Array) -> None:
         raise SimulationError(part.source, fault, remedy)
 
 
-def _remarks(fit: Ringdown, pieces: Swings | None) -> dict[str, str]:
+def _remarks(part: Recording, fit: Ringdown, pieces: Swings | None) -> dict[str, str]:
     """Doubts about a free decay: a word, and why."""
     remarks = {}
     grows = fit.damping_ratios < 0
@@ -252,8 +253,8 @@ def _remarks(fit: Ringdown, pieces: Swings | None) -> dict[str, str]:
     again = pieces.rise if pieces else None
     if again is not None:
         remarks["excited again"] = (
-            f"its swing rises again about {again:.3g} s: it is excited again, or two modes beat;"
-            " choose a window of one decay"
+            f"its swing rises again about {part.time_text(again)} s: it is excited again, or two"
+            " modes beat; choose a window of one decay"
         )
     return remarks
 

@@ -25,6 +25,7 @@ from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import PoseError, SimulationError
 from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.actuators import F, with_each
+from armdesign.machine.dead_centres import dead_centre
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, joint_positions, pose_text
 from armdesign.mechanism.arm import RigidPoses
@@ -99,7 +100,9 @@ def _unstable(machine: Machine, q: Array) -> SimulationError:
 
     Looked for on the way to the middle of the joint ranges.
     """
-    fault = f"unstable on its trapped oil at {pose_text(machine, q)}: gravity overcomes it"
+    dead = dead_centre(machine, q)
+    why = dead.fault if dead else "gravity overcomes it"
+    fault = f"unstable on its trapped oil at {pose_text(machine, q)}: {why}"
     way = q + np.linspace(0, 1, WAY)[:, None] * (machine.ranges.mean(axis=1) - q)
     way = way[np.all(machine.margins(way) > 0, axis=1) & machine.holds(way)]
     held = way[_stable(machine.evaluate(machine.rigid_poses(way)))] if len(way) else way

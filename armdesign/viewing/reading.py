@@ -18,6 +18,7 @@ from armdesign.control.pose_bandwidth import PoseBandwidth, pose_bandwidth
 from armdesign.drawing.swing import Swings
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
+from armdesign.machine.dead_centres import dead_centre
 from armdesign.machine.poses import Poses, refuse_unheld
 from armdesign.units import mm
 
@@ -94,8 +95,9 @@ def reading(machine: Machine, q: Array, damping: float | None = None) -> Reading
         poses = machine.at(q[None])
         modes = natural_modes(poses)
         if modes.frequencies[0, 0] <= 0:
-            fault = "gravity overcomes the trapped oil: the pose is unstable"
-            return Reading(**inputs, fault=fault)
+            dead = dead_centre(machine, q)
+            why = dead.fault if dead else "gravity overcomes the trapped oil"
+            return Reading(**inputs, fault=f"{why}: the pose is unstable")
     except ArmDesignError as error:
         return Reading(**inputs, fault=str(error))
     return Reading(**inputs, poses=poses, modes=modes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from typing import Any
@@ -59,6 +60,32 @@ def test_a_pose_out_of_stroke_says_how_far_and_where_to_stay() -> None:
     )
     with pytest.raises(ad.ArmDesignError, match=message):
         EXCAVATOR.at(q)
+
+
+def test_a_stroke_over_two_joints_says_where_one_may_be_while_the_other_stands() -> None:
+    """Each of the joints is in its own range; where it says to stay every pose can be taken."""
+    strokes = {"cylinder.long.closed_length_mm": 1800, "cylinder.long.stroke_mm": 1500}
+    machine = machines.named("crossing").replace(strokes)
+    corners = np.array(list(itertools.product(*machine.ranges)))
+    out = corners[(machine.margins(corners) < 0).any(axis=1)]
+    assert len(out) == 2
+    message = r'in the range of joint "(\w+)" \[(\S+), (\S+)\]° at (\w+) \S+° or change'
+    for q in out:
+        with pytest.raises(PoseError) as caught:
+            machine.at(q)
+        assert_clear(str(caught.value))
+        found = re.search(message, str(caught.value))
+        assert found
+        moved, *ends, stands = found.groups()
+        j = machine.joints.index(moved)
+        assert {moved, stands} == {"boom", "stick"}
+        near = np.tile(q, (5, 1))
+        near[:, j] = np.radians(np.linspace(*map(float, ends), 5))
+        machine.at(near)
+        step = np.radians(0.1) * np.sign(q[j] - near[:, j].mean())
+        beyond = near[np.abs(near[:, j] - q[j]).argmin()] + step * (np.arange(2) == j)
+        with pytest.raises(PoseError):
+            machine.at(beyond)
 
 
 def test_a_singular_pose_says_which_one_near_it_is_not() -> None:

@@ -36,9 +36,14 @@ def strongest_column(recording: Recording, excitation: str = "") -> str:
     """The pressure that rings most; if there is none, the speed, or the acceleration.
 
     The excitation does not count.
+
+    Raises:
+        SimulationError: there is none, or most time stamps repeat or step back.
     """
     recording.refuse_single("give a row per instant")
     step = float(np.median(np.diff(recording.time)))
+    if step <= 0:
+        recording.refuse_uneven()
     for units in KINDS:
         sizes = {
             name: strongest(step, values[np.isfinite(values)])[1]

@@ -23,6 +23,8 @@ TIMES = {"time_s": 1.0, "t_s": 1.0, "time": 1.0, "t": 1.0, "time_ms": 1e-3, "t_m
 GAP = 1.5  # intervals without a sample
 STUCK = 0.5  # share of a window in which a signal does not move at all
 LIMITED = 3  # equal samples at a signal's own limit
+SHORTEST = 1e-8  # interval [s] that is told: clocks since 1970 have no shorter ones
+ROUNDING = 1e-4  # of a decimal: of numbers that a computer rounds
 LARGEST = 1e50  # of any signal in any unit: squares of it are numbers too
 QUANTA = 4.0  # by which a signal falls from a limit in one interval if it was cut there
 
@@ -46,6 +48,16 @@ class Recording(ReadOnly):
         """Mean time between samples [s]."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
+    @property
+    def decimals(self) -> int:
+        """Of instants in words: a tenth of an interval is told, whatever the clock counts from."""
+        step = self.step if len(self.time) > 1 else 0.0
+        return max(math.ceil(-math.log10(max(step, SHORTEST) / 10) - ROUNDING), 0)
+
+    def time_text(self, instant: float) -> str:
+        """An instant [s] in words, from which ``between`` finds its sample again."""
+        return np.format_float_positional(round(float(instant), self.decimals) + 0.0, trim="-")
+
     def column(self, name: str) -> Array:
         """A signal (n,).
 
@@ -58,10 +70,12 @@ class Recording(ReadOnly):
         return self.columns[name]
 
     def between(self, begin: float, end: float) -> Recording:
-        """The part from one instant to another [s], both included."""
-        inside = (self.time >= begin - 1e-9) & (self.time <= end + 1e-9)
+        """The part from one instant to another [s], both included, as ``time_text`` tells them."""
+        told = (0.5 + ROUNDING) * 0.1**self.decimals
+        inside = (self.time >= begin - told) & (self.time <= end + told)
         some = {name: values[inside] for name, values in self.columns.items()}
-        return Recording(f"{self.source}: {begin:g}–{end:g} s", self.time[inside], some)
+        where = f"{self.time_text(begin)}–{self.time_text(end)} s"
+        return Recording(f"{self.source}: {where}", self.time[inside], some)
 
     def sampled(self, name: str) -> Array:
         """A signal without blanks, at instants without gaps (n,).
@@ -71,12 +85,12 @@ class Recording(ReadOnly):
         """
         values, time = self.column(name), self.time
         self.refuse_single("choose another window")
-        self._check_time()
+        self.refuse_uneven()
         if not np.all(np.isfinite(values)):
             k = int(np.argmin(np.isfinite(values)))
             what = "blank" if np.isnan(values[k]) else "infinite"
             remedy = "choose a window without it, or fill it in"
-            fault = f"{name} is {what} at {time[k]:g} s"
+            fault = f"{name} is {what} at {self.time_text(time[k])} s"
             raise SimulationError(self.source, fault, remedy)
         return values
 
@@ -104,7 +118,7 @@ class Recording(ReadOnly):
         values, time = self.excitation(name), self.time
         begin, count = _longest_run(values)
         if count > STUCK * len(values):
-            fault = f"{name} is stuck at {values[begin]:g} from {time[begin]:g} s"
+            fault = f"{name} is stuck at {values[begin]:g} from {self.time_text(time[begin])} s"
             raise SimulationError(self.source, fault, "choose another column or window")
         for limit in (float(values.max()), float(values.min())):
             if _clipped(values, limit):
@@ -119,17 +133,18 @@ class Recording(ReadOnly):
             fault = f"holds {count or 'no'} sample{'s' * (count != 1)}"
             raise SimulationError(self.source, fault, remedy)
 
-    def _check_time(self) -> None:
+    def refuse_uneven(self) -> None:
+        """Raise a ``SimulationError`` where time has gaps, double stamps or steps back."""
         steps = np.diff(self.time)
         usual = float(np.median(steps))
         for bad, what in (
-            (steps == 0, "the same time stamp twice, at {0:g} s"),
-            (steps < 0, "time steps back after {0:g} s"),
-            (steps > GAP * usual, "a gap of {1:g} s at {0:g} s"),
+            (steps == 0, "the same time stamp twice, at {0} s"),
+            (steps < 0, "time steps back after {0} s"),
+            (steps > GAP * usual, "a gap of {1:g} s at {0} s"),
         ):
             if bad.any():
                 k = int(np.argmax(bad))
-                fault = what.format(self.time[k], steps[k])
+                fault = what.format(self.time_text(self.time[k]), steps[k])
                 remedy = "choose a window without it, or mend the recording"
                 raise SimulationError(self.source, fault, remedy)
 

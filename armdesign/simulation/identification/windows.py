@@ -46,7 +46,7 @@ def stated_windows(part: str, windows: Iterable[tuple[float, float]]) -> list[tu
         except (TypeError, ValueError):
             raise SimulationError(part, f"{ends!r} is no window", remedy) from None
         if not (math.isfinite(begin) and begin < end):
-            raise SimulationError(part, f"{begin:g}:{end:g} is no window", remedy)
+            raise SimulationError(part, f"{begin:.15g}:{end:.15g} is no window", remedy)
         given.append((begin, end))
     return given
 
