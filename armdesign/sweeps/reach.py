@@ -13,7 +13,8 @@ import copyreg
 import hashlib
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cached_property, lru_cache, partial, singledispatch
 from pathlib import Path
 from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
@@ -23,14 +24,16 @@ import numpy as np
 
 from armdesign import _BEGAN
 from armdesign.errors import ArmDesignError
-from armdesign.journal.keys import canonical
+from armdesign.journal.keys import canonical, digest
 from armdesign.sweeps.names import (
     called,
     file_of,
+    found_by,
     home_of,
     imported_by,
     installed,
     module_of,
+    name_to_others,
     names_read_by,
 )
 
@@ -52,8 +55,8 @@ PARTS: dict[type, tuple[str, ...]] = {  # of kinds of objects: all that decides 
 DISPATCHER = cast(FunctionType, singledispatch(len)).__code__  # of all generic functions
 BESIDE = {  # what Python and pydantic keep in a class or module beside what its text says
     *("__builtins__", "__cached__", "__dict__", "__doc__", "__file__", "__firstlineno__"),
-    *("__loader__", "__name__", "__package__", "__path__", "__spec__", "__static_attributes__"),
-    *("__warningregistry__", "__weakref__", "_abc_impl"),
+    *("__loader__", "__name__", "__package__", "__path__", "__slotnames__", "__spec__"),
+    *("__static_attributes__", "__warningregistry__", "__weakref__", "_abc_impl"),
     *("__pydantic_core_schema__", "__pydantic_serializer__", "__pydantic_validator__"),
 }
 HEAP = 1 << 9  # flag of a class that no extension has as a constant
@@ -66,20 +69,63 @@ def identity_of_function(function: Callable[..., Any]) -> str:
         ArmDesignError: it holds or names a value that cannot be written down.
     """
     reached = _Reached(function)
+    with _within_bounds(reached.name):
+        return canonical([reached.all_of(function, reached.name), reached.texts()])
+
+
+def names_reached(task: Callable[..., Any]) -> list[str]:
+    """Names, as ``module:name``, of what a task reaches in modules of the user's.
+
+    What is to be looked at first comes first: a function comes after what it names. Other
+    processes find all of it by name, in the files that they load; not so what was typed.
+    """
+    reached = _Reached(task, strict=False)
+    with _within_bounds(reached.name):
+        reached.all_of(task, reached.name)
+    return list(reached.named)[::-1]
+
+
+def digests_of(names: Iterable[str]) -> dict[str, str]:
+    """Digests, by name, of functions, classes and modules as this process has them.
+
+    Raises:
+        ArmDesignError: one reaches what only its file tells, and that is not what was loaded.
+        ImportError: a module is not there or cannot be loaded.
+    """
+    values = {name: found_by(name) for name in names}  # all, as modules know what is loaded
+    reached = _Reached(None, strict=False)
+    digests = {}
+    for name, value in values.items():
+        reached.name = name.replace(":", ".").removesuffix(".")
+        with _within_bounds(reached.name):
+            digests[name] = digest([reached.all_of(value, name), reached.texts(others=False)])
+    return digests
+
+
+@contextmanager
+def _within_bounds(name: str) -> Iterator[None]:
     try:
-        found = reached.all_of(function, reached.name)
-        return canonical([found, reached.texts()])
+        yield
     except RecursionError:
         fault, remedy = "reaches values within values without end", "give numbers as options"
-        raise ArmDesignError(reached.name, fault, remedy) from None
+        raise ArmDesignError(name, fault, remedy) from None
 
 
 class _Reached:
-    """What a task reaches; each thing is looked at once, and is a number from then on."""
+    """What a task reaches; each thing is looked at once, and is a number from then on.
 
-    def __init__(self, task: Any, seen: dict[int, tuple[int, Any]] | None = None) -> None:
+    Args:
+        task: a function.
+        seen: things with their numbers.
+        strict: whether a value that nothing stands for is refused; otherwise its class stands.
+    """
+
+    def __init__(
+        self, task: Any, seen: dict[int, tuple[int, Any]] | None = None, *, strict: bool = True
+    ) -> None:
         self.name = getattr(task, "__qualname__", "task")
-        self._task = task
+        self.named: dict[str, None] = {}  # what other processes find by its name
+        self._task, self._strict = task, strict
         self._seen = seen or {}  # with the things, lest another one gets the address
         self._files: set[str] = set()
         self._waiting: deque[tuple[Any, str, str]] = deque()  # functions, classes and modules
@@ -110,6 +156,8 @@ class _Reached:
         home = home_of(value)
         if home and installed(home):
             return [home.__name__, called(value)]
+        if found := name_to_others(value, home):
+            self.named[found] = None
         if isinstance(value, FunctionType | type | ModuleType):
             self._waiting.append((value, name, file))
             return self._seen[id(value)][0]
@@ -117,8 +165,8 @@ class _Reached:
             return [kind.__name__, *(self.of(getattr(value, p), name, file) for p in PARTS[kind])]
         return self._of_object(value, name, file)
 
-    def texts(self) -> list[str]:
-        """Digests of all files of the user's, if any stands for a value that it holds.
+    def texts(self, *, others: bool = True) -> list[str]:
+        """Digests of the files that stand for values, if any, and of the user's others.
 
         Raises:
             ArmDesignError: one is not what was loaded.
@@ -126,7 +174,7 @@ class _Reached:
         if not self._files:
             return []
         modules = [m for m in list(sys.modules.values()) if isinstance(m, ModuleType)]
-        own = {file_of(vars(m)) for m in modules if not installed(m)} - {""}
+        own = {file_of(vars(m)) for m in modules if others and not installed(m)} - {""}
         texts = []
         for file in map(Path, self._files | own):
             if file.stat().st_mtime > _BEGAN:
@@ -137,9 +185,10 @@ class _Reached:
 
     def _apart(self, value: Any, name: str, file: str) -> str:
         """Identity of one of a set, whichever of them come before it."""
-        apart = _Reached(self._task, dict(self._seen))
+        apart = _Reached(self._task, dict(self._seen), strict=self._strict)
         found = canonical(apart.all_of(value, name, file))
         self._files |= apart._files
+        self.named |= apart.named
         return found
 
     def _inside(self, value: Any, name: str, file: str) -> Iterator[Any]:
@@ -155,7 +204,7 @@ class _Reached:
         if code is DISPATCHER:
             yield self.of(dict(vars(function)["registry"]), name, file)
             return
-        whole = "" if function is self._task else file_of(space)
+        whole = "" if function is self._task and self._strict else file_of(space)
         held = file or (whole if home_of(function) else "")
         inside = function.__defaults__, function.__kwdefaults__, vars(function)
         yield self.of(inside, name, held)
@@ -197,6 +246,8 @@ class _Reached:
             if file:
                 self._files.add(file)
                 return self.of(type(value), name, file)
+            if not self._strict:
+                return self.of(type(value), name)
             fault = f'reads "{name}", a {type(value).__name__} that cannot be written down'
             remedy = "give numbers and texts as options"
             raise ArmDesignError(self.name, fault, remedy) from None
