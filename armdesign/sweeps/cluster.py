@@ -148,7 +148,7 @@ def _plugin(parcel: Sent) -> Any:
     """
     from distributed import WorkerPlugin
 
-    name, *more = parcel
+    name, parts = parcel.name, list[Any](parcel)
 
     class Prepared(WorkerPlugin):  # type: ignore[misc]
         def setup(self, worker: Any) -> None:
@@ -156,7 +156,7 @@ def _plugin(parcel: Sent) -> Any:
                 from armdesign.sweeps.sending import Sent, received
                 from armdesign.sweeps.worker import prepare
 
-                prepare(received(Sent(name, *more)))
+                prepare(received(Sent(*parts)))
             except Exception as error:
                 fault = getattr(error, "fault", f"cannot load armdesign ({error})")
                 remedy = getattr(error, "remedy", "install it there, too")
@@ -192,8 +192,8 @@ def _register(client: Any, parcel: Sent, plugin: str, address: str) -> None:
         return
     for worker, response in responses.items():
         if response["status"] == "error":
-            error = clean_exception(response["exception"])[1]
-            raise ArmDesignError(f"worker {worker}", *map(str, error.args))
+            fault, remedy = clean_exception(response["exception"])[1].args
+            raise ArmDesignError(f"worker {worker}", fault, remedy)
 
 
 def _unregister(client: Any, plugin: str) -> None:
