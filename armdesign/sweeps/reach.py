@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copyreg
 import hashlib
+import re
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -57,8 +58,11 @@ BESIDE = {  # what Python and pydantic keep in a class or module beside what its
     *("__builtins__", "__cached__", "__dict__", "__doc__", "__file__", "__firstlineno__"),
     *("__loader__", "__name__", "__package__", "__path__", "__slotnames__", "__spec__"),
     *("__static_attributes__", "__warningregistry__", "__weakref__", "_abc_impl"),
-    *("__pydantic_core_schema__", "__pydantic_serializer__", "__pydantic_validator__"),
+    *("__pydantic_core_schema__", "__pydantic_serializer__", "__pydantic_setattr_handlers__"),
+    "__pydantic_validator__",
 }
+GLOBAL_GENERATOR = np.random.mtrand._rand  # of another state in every process
+ADDRESS = re.compile(r"(?<!\d)\d{9,20}(?!\d)")  # as pydantic writes one behind a class's name
 HEAP = 1 << 9  # flag of a class that no extension has as a constant
 
 
@@ -142,7 +146,9 @@ class _Reached:
         """Identity of a value that is known by a name, in a module of the user's with a file."""
         kind = type(value)
         if kind in ATOMS:
-            return hex(value) if kind is int else repr(value)
+            return hex(value) if kind is int else repr(self._without_addresses(value))
+        if value is GLOBAL_GENERATOR:
+            return ["numpy.random"]
         if kind not in (tuple, frozenset):  # equal ones may be one, or not
             if id(value) in self._seen:
                 return self._seen[id(value)][0]
@@ -183,6 +189,15 @@ class _Reached:
             texts.append(hashlib.sha256(file.read_bytes()).hexdigest())
         return sorted(texts)
 
+    def _without_addresses(self, value: Any) -> Any:
+        """A value; a text has numbers of things in the place of their addresses."""
+
+        def number(address: re.Match[str]) -> str:
+            known = self._seen.get(int(address[0]))
+            return str(known[0]) if known else address[0]
+
+        return ADDRESS.sub(number, value) if type(value) is str else value
+
     def _apart(self, value: Any, name: str, file: str) -> str:
         """Identity of one of a set, whichever of them come before it."""
         apart = _Reached(self._task, dict(self._seen), strict=self._strict)
@@ -207,7 +222,7 @@ class _Reached:
         whole = "" if function is self._task and self._strict else file_of(space)
         held = file or (whole if home_of(function) else "")
         inside = function.__defaults__, function.__kwdefaults__, vars(function)
-        yield self.of(inside, name, held)
+        yield self.of((*inside, _annotations(function)), name, held)
         for free, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             yield [self.of(one, free, held) for one in _contents(cell)]
         module = sys.modules.get(space.get("__name__", ""))
@@ -286,6 +301,13 @@ def _plain(kind: type, part: Any) -> Any:
         return part
     computed = {k for k in part if isinstance(getattr(kind, str(k), None), cached_property)}
     return {key: one for key, one in part.items() if key not in computed}
+
+
+def _annotations(function: FunctionType) -> dict[str, Any]:
+    try:
+        return function.__annotations__
+    except NameError:  # of newer Pythons, which look for names only now
+        return {}
 
 
 def _contents(cell: Any) -> list[Any]:
