@@ -90,7 +90,7 @@ def names_reached(task: Callable[..., Any]) -> list[str]:
 
 
 def digests_of(names: Iterable[str]) -> dict[str, str]:
-    """Digests, by name, of functions, classes and modules as this process has them.
+    """Digests of what makes up functions, classes and modules as this process has them, in words.
 
     Raises:
         ArmDesignError: one reaches what only its file tells, and that is not what was loaded.
@@ -98,12 +98,24 @@ def digests_of(names: Iterable[str]) -> dict[str, str]:
     """
     values = {name: found_by(name) for name in names}  # all, as modules know what is loaded
     reached = _Reached(None, strict=False)
-    digests = {}
+    parts: dict[str, list[Any]] = {}
     for name, value in values.items():
         reached.name = name.replace(":", ".").removesuffix(".")
         with _within_bounds(reached.name):
-            digests[name] = digest([reached.all_of(value, name), reached.texts(others=False)])
-    return digests
+            first, *things = reached.all_of(value, name)
+            rest = [first, reached.texts(others=False)]
+        for _, owner, *inside in things:
+            known_as = owner if isinstance(owner, str) else ".".join(owner)
+            for part in inside:
+                parts.setdefault(_in_words(part, known_as), []).append(part)
+        parts.setdefault(reached.name, []).append(rest)
+    return {words: digest(part) for words, part in parts.items()}
+
+
+def _in_words(part: Any, owner: str) -> str:
+    """What a part of a function, class or module is: a value that it names, or itself."""
+    is_named = isinstance(part, list) and len(part) == 2 and isinstance(part[0], str)
+    return f"{part[0]} in {owner}" if is_named else owner
 
 
 @contextmanager

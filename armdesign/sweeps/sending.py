@@ -8,7 +8,7 @@ otherwise than the program that asks. So digests travel beside the study, and ar
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,12 +26,14 @@ class Sent(NamedTuple):
     Attributes:
         name: of the study.
         version: of the package that made it.
-        code: digests, by name, of what its task reaches in modules of the user's.
+        names: of what its task reaches in modules of the user's.
+        code: digests of all that makes that up, in words.
         study: pickle of the study.
     """
 
     name: str
     version: str
+    names: Sequence[str]
     code: Mapping[str, str]
     study: bytes
 
@@ -57,8 +59,8 @@ def sent(study: Study, others: Any, dumps: Callable[[Any], Any]) -> Sent:
         remedy = "take workers=1, or a function of a module and plain options"
         fault = f"cannot be sent to other processes ({words_of(error)})"
         raise ArmDesignError("task or options", fault, remedy) from None
-    code = {} if isinstance(study.task, str) else digests_of(names_reached(study.task))
-    return Sent(study.name, study.version, code, written)
+    names = [] if isinstance(study.task, str) else names_reached(study.task)
+    return Sent(study.name, study.version, names, digests_of(names), written)
 
 
 def received(sent: Sent) -> Study:
@@ -73,7 +75,7 @@ def received(sent: Sent) -> Study:
         fault = f"has armdesign {own}, the study comes from {sent.version}"
         raise ArmDesignError("worker", fault, "install the same version on all machines")
     try:
-        _refuse_other_code(sent.code)
+        _refuse_other_code(sent.names, sent.code)
         study: Study = pickle.loads(sent.study)
     except ArmDesignError:
         raise
@@ -83,15 +85,15 @@ def received(sent: Sent) -> Study:
     return study
 
 
-def _refuse_other_code(code: Mapping[str, str]) -> None:
+def _refuse_other_code(names: Sequence[str], code: Mapping[str, str]) -> None:
     if (whole := canonical(code)) in _same:
         return
-    for name, own in digests_of(code).items():
-        if own != code[name]:
-            shown = name.replace(":", ".").removesuffix(".")
-            fault = f"has another {shown} than your program, or other values that it reads"
-            remedy = "one of both was changed since it was loaded: start Python anew, and "
-            remedy += "workers of a cluster, too; or take workers=1"
+    own = digests_of(names)
+    for words, there in code.items():
+        if own.get(words) != there:
+            fault = f"has another {words} than your program"
+            remedy = "it was changed since one of both loaded it, or each makes its own: start "
+            remedy += "Python anew, and workers of a cluster, or take workers=1"
             raise ArmDesignError("worker", fault, remedy)
     _same.add(whole)
 

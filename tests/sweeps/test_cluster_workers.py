@@ -153,7 +153,9 @@ def test_a_worker_that_loaded_another_state_of_a_file_does_not_answer(
             first = sweep("paper_1dof", TWO, task(TASK), scheduler=address, **how)
             assert first.frame["x"].tolist() == [1, 1]
         edited = task(TASK.replace("1", "2"))
-        with pytest.raises(ad.ArmDesignError, match=r"^worker tcp://.*: has another cluster_task"):
+        with pytest.raises(
+            ad.ArmDesignError, match=r"^worker tcp://.*: has another K in cluster_task"
+        ):
             sweep("paper_1dof", TWO, edited, scheduler=address, **how)
         file.unlink()
         nowhere = ad.sweep("paper_1dof", TWO, edited, **how)
