@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from typing import TextIO
 
 ASCII = {"²": "2", "³": "3", "·": " ", "µ": "u", "×": "x", "≤": "<=", "≥": ">=", "→": "->"}
 ASCII |= {"–": "-", "—": "-", "−": "-", "…": "...", "°": "deg", "±": "+-", "½": "1/2", "Σ": "sum"}
@@ -67,7 +68,8 @@ def keep_for_answers() -> None:
 def printing() -> Iterator[None]:
     """Within it stdout and stderr take every text; one that cannot be written is one line, code 2.
 
-    A pipe that nobody reads any more ends the program without a word.
+    A pipe that nobody reads any more ends the program without a word. An error of other files or
+    connections is none of this.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -78,10 +80,10 @@ def printing() -> Iterator[None]:
         finally:
             sys.stdout.flush()
     except OSError as error:
-        for stream in (sys.stdout, sys.stderr):  # nor may Python's own end try it again
-            with suppress(OSError, ValueError):
-                stream.flush()
-                continue
+        broken = [stream for stream in (sys.stdout, sys.stderr) if not _flushes(stream)]
+        if not broken and (_keeps(sys.stdout) or error.errno is None):
+            raise
+        for stream in broken:  # nor may Python's own end try it again
             with suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         if not isinstance(error, BrokenPipeError):
@@ -90,3 +92,17 @@ def printing() -> Iterator[None]:
                 line = f"armdesign: output: cannot be written ({error.strerror}); {remedy}"
                 print(line, file=sys.stderr)
         sys.exit(2)
+
+
+def _flushes(stream: TextIO) -> bool:
+    """Whether a stream takes what it has, which is also what it could not write before."""
+    try:
+        stream.flush()
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def _keeps(stream: TextIO) -> bool:
+    """Whether a stream has what it could not write; not so for ``python -u``."""
+    return not isinstance(getattr(stream, "buffer", None), io.RawIOBase)

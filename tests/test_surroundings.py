@@ -126,6 +126,24 @@ def test_a_full_device(words: list[str], tmp_path: Path) -> None:
         assert subprocess.run([*ARMDESIGN, "map", "x"], stderr=full, cwd=tmp_path).returncode == 2
 
 
+@FULL
+def test_a_full_device_without_buffers(tmp_path: Path) -> None:
+    """Python keeps nothing then of what it could not write."""
+    words = [sys.executable, "-u", *ARMDESIGN[1:], "check", "paper_1dof"]
+    with open("/dev/full", "w") as full:
+        finished = subprocess.run(words, stdout=full, stderr=-1, text=True, cwd=tmp_path)
+    assert finished.returncode == 2
+    assert_one_line(finished.stderr, "output: cannot be written (No space left on device)")
+
+
+@pytest.mark.parametrize("buffered", [[], ["-u"]])
+def test_an_error_of_a_connection_is_not_taken_for_one_of_stdout(buffered: list[str]) -> None:
+    code = "from armdesign.streams import printing\nwith printing(): raise ConnectionError('lost')"
+    finished = subprocess.run([sys.executable, *buffered, "-c", code], stderr=-1, text=True)
+    assert finished.returncode == 1
+    assert finished.stderr.splitlines()[-1] == "ConnectionError: lost"
+
+
 def test_a_package_inside_a_wheel(tmp_path: Path) -> None:
     wheel = tmp_path / "armdesign-0-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w") as archive:

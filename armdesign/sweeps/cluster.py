@@ -1,41 +1,42 @@
 """Cases on a cluster, by dask.distributed: the only door to it.
 
 The study goes to every worker once, also to those that come later. The scheduler gives the cases
-of a dead worker to others.
+of a dead worker to others. It needs no armdesign itself, nor do workers that take no case.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import pickle
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 from armdesign.errors import ArmDesignError
 from armdesign.sweeps.cases import Case
-from armdesign.sweeps.worker import (
-    Outcome,
-    Study,
-    answer,
-    died,
-    forget,
-    is_prepared,
-    prepare,
-    refuse_unless_sent,
-)
+from armdesign.sweeps.sending import Sent, sent
+from armdesign.sweeps.worker import Outcome, Study, died, is_prepared
+from armdesign.transaction import undisturbed
 
-PATIENCE = 10.0  # [s] for which a scheduler may be silent at the start
+PATIENCE = 10.0  # [s] for which a scheduler, or its workers, may be silent at the start
+LAST = 2.0  # [s] for which they may be silent at the end, or where one worker is asked
+LOOK = 0.02  # [s] between two looks at what has come
 PREFIX = "armdesign-"
 NOT_TAKEN = "its worker could not take the study, as its log says: is it of another version?"
 PAUSE, PAUSES = 0.2, 50  # [s] of a worker that has no study, before it passes a case on; how often
 
 
 def on_cluster(
-    study: Study, cases: Sequence[Case], address: str, died_at: Callable[[Case], None]
+    study: Study,
+    cases: Sequence[Case],
+    address: str,
+    died_at: Callable[[Case], None],
+    say: Callable[[str], None],
 ) -> Iterator[tuple[Case, Outcome]]:
     """Cases with their outcomes, as they come.
 
@@ -44,52 +45,60 @@ def on_cluster(
         cases: the cases.
         address: of the scheduler, as ``tcp://host:8786``.
         died_at: told each case that the scheduler gives to another because its worker died.
+        say: told when there is no worker, and when one has come.
 
     Raises:
-        ArmDesignError: dask.distributed is missing, a task or its options cannot be sent, or the
-            scheduler cannot be reached or is gone.
+        ArmDesignError: dask.distributed is missing, a task or its options cannot be sent, a worker
+            cannot take them, or the scheduler cannot be reached or is gone.
     """
     try:
         from distributed.protocol.pickle import dumps
     except ImportError:
         remedy = 'pip install "armdesign[cluster]"'
         raise ArmDesignError("--scheduler", "needs dask.distributed", remedy) from None
-    refuse_unless_sent((study, cases), dumps)
+    parcel = sent(study, cases, dumps)
     with _without_traces():
-        yield from _answers(study, cases, address, died_at)
+        yield from _answers(parcel, cases, address, _Watch(address, died_at, say))
 
 
 def _answers(
-    study: Study, cases: Sequence[Case], address: str, died_at: Callable[[Case], None]
+    parcel: Sent, cases: Sequence[Case], address: str, watch: _Watch
 ) -> Iterator[tuple[Case, Outcome]]:
     from distributed import as_completed
 
-    client, plugin = _client(address), f"{PREFIX}{study.name}"
-    lost = deque[str]()
+    client, plugin = _client(address), f"{PREFIX}{parcel.name}"
+    passed = Counter[str]()  # how often workers without the study passed a case on
+    asked = _asked(parcel.name)
     try:
-        client.register_plugin(_plugin(study), name=plugin)
-        client.subscribe_topic("all", lambda event: lost.extend(_lost(event)))
-        named: dict[str, Case] = {}
+        _register(client, parcel, plugin, address)
+        watch.begin(client)
 
         def submitted(case: Case) -> Any:
-            name = f"{plugin}-{len(named)}-{case.key}"
-            named[name] = case
-            return client.submit(_answered, study.name, case, key=name, pure=False)
+            name = f"{plugin}-{len(watch.named)}-{case.key}"
+            watch.named[name] = case
+            return client.submit(asked, pickle.dumps(case), key=name, pure=False)
 
         futures = as_completed([submitted(case) for case in cases], loop=client.loop)
-        for future in futures:
-            while lost:
-                if (name := lost.popleft()) in named:
-                    died_at(named[name])
-            case, outcome = named[str(future.key)], _outcome(future, address)
+        while not futures.is_empty():
+            while not futures.has_ready():
+                watch.look()
+                time.sleep(LOOK)
+            watch.look()
+            future = next(futures)
+            case, outcome = watch.named[str(future.key)], _outcome(future, address)
             future.release()
-            if outcome.error == NOT_TAKEN and _is_taken(client, study, address):
+            if outcome is not None:
+                yield case, outcome
+                continue
+            passed[case.key] += 1
+            if passed[case.key] % PAUSES or _is_taken(client, parcel.name, address):
                 futures.add(submitted(case))  # others were busy
             else:
-                yield case, outcome
-        client.unregister_worker_plugin(plugin)
+                yield case, Outcome(answer={}, seconds=0.0, error=NOT_TAKEN, final=False)
     finally:
-        client.close(timeout=PATIENCE)  # which drops what is still to do
+        with undisturbed():
+            _unregister(client, plugin)
+            client.close(timeout=PATIENCE)  # which drops what is still to do
 
 
 @contextmanager
@@ -131,62 +140,160 @@ async def _greeted(address: str) -> None:
         comm.abort()
 
 
-def _plugin(study: Study) -> Any:
-    """Task of every worker that comes: it takes the study."""
+def _plugin(parcel: Sent) -> Any:
+    """Task of every worker that comes: it takes the study.
+
+    It travels as it is and imports what it needs only then, so that a worker of another kind says
+    that it cannot, and lives on.
+    """
     from distributed import WorkerPlugin
+
+    name, parts = parcel.name, list[Any](parcel)
 
     class Prepared(WorkerPlugin):  # type: ignore[misc]
         def setup(self, worker: Any) -> None:
-            prepare(study)
+            try:
+                from armdesign.sweeps.sending import Sent, received
+                from armdesign.sweeps.worker import prepare
+
+                prepare(received(Sent(*parts)))
+            except Exception as error:
+                fault = getattr(error, "fault", f"cannot load armdesign ({error})")
+                remedy = getattr(error, "remedy", "install it there, too")
+                raise RuntimeError(fault, remedy) from None
 
         def teardown(self, worker: Any) -> None:
-            forget(study)
+            from armdesign.sweeps.worker import forget
+
+            forget(name)
 
     return Prepared()
 
 
-def _is_taken(client: Any, study: Study, address: str) -> bool:
-    """Whether any worker has the study."""
+def _register(client: Any, parcel: Sent, plugin: str, address: str) -> None:
+    """Have the study taken by every worker.
+
+    Raises:
+        ArmDesignError: one cannot take it; or some are silent or dead, and no other has taken it.
+    """
+    from distributed.core import clean_exception
+    from distributed.protocol.pickle import dumps
+
+    how = {"plugin": dumps(_plugin(parcel)), "name": plugin, "idempotent": False}
     try:
-        return any(client.run(is_prepared, study.name, on_error="ignore").values())
+        register = client.scheduler.register_worker_plugin
+        responses = client.sync(register, callback_timeout=PATIENCE, **how)
+    except OSError:  # also where the scheduler lost a worker meanwhile
+        if not _is_taken(client, parcel.name, address):
+            fault = f"no worker of {address} answers"
+            raise ArmDesignError(
+                "--scheduler", fault, "end those that hang, start others"
+            ) from None
+        return
+    for worker, response in responses.items():
+        if response["status"] == "error":
+            fault, remedy = clean_exception(response["exception"])[1].args
+            raise ArmDesignError(f"worker {worker}", fault, remedy)
+
+
+def _unregister(client: Any, plugin: str) -> None:
+    """Have the study forgotten, as far as scheduler and workers answer."""
+    with suppress(Exception, asyncio.CancelledError):
+        unregister = client.scheduler.unregister_worker_plugin
+        client.sync(unregister, callback_timeout=LAST, name=plugin)
+
+
+def _is_taken(client: Any, name: str, address: str) -> bool:
+    """Whether any worker that answers has the study of a name."""
+    try:
+        return any(_has(client, worker, name) for worker in client.nthreads())
     except (OSError, RuntimeError, AttributeError):  # the last two once a client has given up
         raise _gone(address) from None
 
 
-_passed_on: Counter[tuple[str, str]] = Counter()  # studies and cases that this worker left
+def _has(client: Any, worker: str, name: str) -> bool:
+    how = {"workers": [worker], "on_error": "ignore", "callback_timeout": LAST}
+    try:
+        return any(client.run(is_prepared, name, **how).values())
+    except TimeoutError:
+        return False
 
 
-def _answered(name: str, case: Case) -> Outcome:
-    """The outcome of a case; a worker that could not take the study leaves it to others.
+def _asked(name: str) -> Callable[[bytes], Any]:
+    """A function that answers a case; a worker without the study passes it on, as None.
 
-    It says why in its own log. Where the case comes back again and again, others are busy, or
-    there are none.
+    It travels as it is, for schedulers and workers without the package.
     """
-    from distributed import Reschedule
+    pause = PAUSE
 
-    if is_prepared(name):
-        return answer(name, case)
-    _passed_on[name, case.key] += 1
-    if _passed_on[name, case.key] > PAUSES:
-        del _passed_on[name, case.key]
-        return Outcome(answer={}, seconds=0.0, error=NOT_TAKEN, final=False)
-    time.sleep(PAUSE)
-    raise Reschedule
+    def asked(case: bytes) -> Any:
+        with suppress(ImportError):
+            from armdesign.sweeps.worker import answer, is_prepared
 
+            if is_prepared(name):
+                return answer(name, pickle.loads(case))
+        time.sleep(pause)
+        return None
 
-def _lost(event: tuple[float, Any]) -> Iterable[str]:
-    """Keys of the cases under way on a worker that an event of the scheduler says has died."""
-    message = event[1]
-    if not isinstance(message, dict) or message.get("action") != "remove-worker":
-        return ()
-    return map(str, () if message.get("expected") else message.get("processing-tasks") or ())
+    return asked
 
 
-def _outcome(future: Any, address: str) -> Outcome:
+@dataclass
+class _Watch:
+    """What a scheduler tells of its workers.
+
+    Attributes:
+        address: of the scheduler.
+        died_at: told each case whose worker died.
+        say: told when there is no worker, and when one has come.
+        named: the cases by their names at the scheduler.
+    """
+
+    address: str
+    died_at: Callable[[Case], None]
+    say: Callable[[str], None]
+    named: dict[str, Case] = field(default_factory=dict)
+    _events: deque[Any] = field(default_factory=deque)
+    _workers: set[str] = field(default_factory=set)
+    _said: bool = False
+
+    def begin(self, client: Any) -> None:
+        """Take in what the client's scheduler tells from now on."""
+        client.subscribe_topic("all", lambda event: self._events.append(event[1]))
+        try:
+            self._workers |= set(client.nthreads())
+        except (OSError, RuntimeError, AttributeError):
+            raise _gone(self.address) from None
+
+    def look(self) -> None:
+        """Say what has come since the last look."""
+        while self._events:
+            event = self._events.popleft()
+            action = event.get("action") if isinstance(event, dict) else None
+            if action == "add-worker":
+                self._workers.add(event["worker"])
+            elif action == "remove-worker":
+                self._workers.discard(event["worker"])
+                for name in _lost(event):
+                    if name in self.named:
+                        self.died_at(self.named[name])
+        if self._said is bool(self._workers):
+            self._said = not self._workers
+            start = f"waits for a worker; start one with: dask worker {self.address}"
+            self.say(start if self._said else "a worker has come")
+
+
+def _lost(event: dict[str, Any]) -> Iterable[str]:
+    """Keys of the cases under way on a worker that has died."""
+    return map(str, () if event.get("expected") else event.get("processing-tasks") or ())
+
+
+def _outcome(future: Any, address: str) -> Outcome | None:
+    """The outcome of a case; None where its worker passed it on."""
     from distributed import KilledWorker
 
     try:
-        outcome: Outcome = future.result()
+        outcome: Outcome | None = future.result()
     except KilledWorker as error:
         return died(1 + int(error.allowed_failures))
     except CancelledError:

@@ -40,6 +40,37 @@ def home_of(value: Any) -> ModuleType | None:
     return module if found is value else None
 
 
+def name_to_others(value: Any, home: ModuleType | None) -> str:
+    """Name, as ``module:name``, by which other processes find a thing or module of the user's.
+
+    Args:
+        value: any.
+        home: the module that has it by its name, if there is one.
+
+    Returns:
+        Empty where they do not: it was typed or made, or is installed.
+    """
+    module = value if isinstance(value, ModuleType) else home
+    if module is None or installed(module) or module is not sys.modules.get(module.__name__):
+        return ""
+    if module.__name__ == "__main__":
+        return ""
+    return f"{module.__name__}:{'' if module is value else called(value)}"
+
+
+def found_by(name: str) -> Any:
+    """What is found by a name, ``module:name``; None where a module does not have it.
+
+    Raises:
+        ImportError: the module is not there or cannot be loaded.
+    """
+    module, _, within = name.partition(":")
+    found: Any = importlib.import_module(module)
+    for one in within.split(".") if within else ():
+        found = getattr(found, one, None)
+    return found
+
+
 def file_of(space: Mapping[str, Any]) -> str:
     """The file that made a module's globals; empty for what was typed."""
     file = str(space.get("__file__") or "")

@@ -16,15 +16,8 @@ from typing import Any
 
 from armdesign.processes import begun_apart
 from armdesign.sweeps.cases import Case
-from armdesign.sweeps.worker import (
-    ONE_THREAD,
-    Outcome,
-    Study,
-    answer,
-    died,
-    prepare_process,
-    refuse_unless_sent,
-)
+from armdesign.sweeps.sending import Sent, sent
+from armdesign.sweeps.worker import ONE_THREAD, Outcome, Study, answer, died, prepare_process
 from armdesign.transaction import undisturbed
 
 TRIES = 3  # of a case whose worker dies
@@ -41,18 +34,20 @@ def on_processes(
     Args:
         study: what the cases share.
         cases: the cases.
-        workers: number of processes.
+        workers: number of processes, of which no more begin than there are cases.
         died_at: told each case that is tried again because its worker died.
 
     Raises:
-        ArmDesignError: a task or its options cannot be sent to processes.
+        ArmDesignError: a task or its options cannot be sent to processes, or it is of a module
+            that was changed since it was loaded.
     """
     from joblib.externals.loky.backend.reduction import dumps
 
-    refuse_unless_sent((study, cases), dumps)
+    parcel = sent(study, cases, dumps)
+    workers = min(workers, len(cases))
     waiting, deaths = deque(cases), Counter[str]()
     running: Running = {}
-    pool = _pool(study, workers)
+    pool = _pool(parcel, workers)
     try:
         while waiting or running:
             _fill(pool, study, waiting, running, workers, deaths)
@@ -68,7 +63,7 @@ def on_processes(
                 else:
                     died_at(case)
                     waiting.appendleft(case)
-            pool = _pool(study, workers)
+            pool = _pool(parcel, workers)
     finally:
         with undisturbed():
             _end(pool, running)
@@ -113,12 +108,12 @@ def _completed(running: Running) -> tuple[list[tuple[Case, Outcome]], list[Case]
     return outcomes, lost
 
 
-def _pool(study: Study, workers: int) -> Any:
+def _pool(parcel: Sent, workers: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
 
     with begun_apart():
         return ProcessPoolExecutor(
-            workers, initializer=prepare_process, initargs=(study, os.getpid()), env=ONE_THREAD
+            workers, initializer=prepare_process, initargs=(parcel, os.getpid()), env=ONE_THREAD
         )
 
 

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import copyreg
 import hashlib
+import re
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cached_property, lru_cache, partial, singledispatch
 from pathlib import Path
 from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
@@ -23,14 +25,16 @@ import numpy as np
 
 from armdesign import _BEGAN
 from armdesign.errors import ArmDesignError
-from armdesign.journal.keys import canonical
+from armdesign.journal.keys import canonical, digest
 from armdesign.sweeps.names import (
     called,
     file_of,
+    found_by,
     home_of,
     imported_by,
     installed,
     module_of,
+    name_to_others,
     names_read_by,
 )
 
@@ -52,10 +56,13 @@ PARTS: dict[type, tuple[str, ...]] = {  # of kinds of objects: all that decides 
 DISPATCHER = cast(FunctionType, singledispatch(len)).__code__  # of all generic functions
 BESIDE = {  # what Python and pydantic keep in a class or module beside what its text says
     *("__builtins__", "__cached__", "__dict__", "__doc__", "__file__", "__firstlineno__"),
-    *("__loader__", "__name__", "__package__", "__path__", "__spec__", "__static_attributes__"),
-    *("__warningregistry__", "__weakref__", "_abc_impl"),
-    *("__pydantic_core_schema__", "__pydantic_serializer__", "__pydantic_validator__"),
+    *("__loader__", "__name__", "__package__", "__path__", "__slotnames__", "__spec__"),
+    *("__static_attributes__", "__warningregistry__", "__weakref__", "_abc_impl"),
+    *("__pydantic_core_schema__", "__pydantic_serializer__", "__pydantic_setattr_handlers__"),
+    "__pydantic_validator__",
 }
+GLOBAL_GENERATOR = np.random.mtrand._rand  # of another state in every process
+ADDRESS = re.compile(r"(?<!\d)\d{9,20}(?!\d)")  # as pydantic writes one behind a class's name
 HEAP = 1 << 9  # flag of a class that no extension has as a constant
 
 
@@ -66,20 +73,75 @@ def identity_of_function(function: Callable[..., Any]) -> str:
         ArmDesignError: it holds or names a value that cannot be written down.
     """
     reached = _Reached(function)
+    with _within_bounds(reached.name):
+        return canonical([reached.all_of(function, reached.name), reached.texts()])
+
+
+def names_reached(task: Callable[..., Any]) -> list[str]:
+    """Names, as ``module:name``, of what a task reaches in modules of the user's.
+
+    What is to be looked at first comes first: a function comes after what it names. Other
+    processes find all of it by name, in the files that they load; not so what was typed.
+    """
+    reached = _Reached(task, strict=False)
+    with _within_bounds(reached.name):
+        reached.all_of(task, reached.name)
+    return list(reached.named)[::-1]
+
+
+def digests_of(names: Iterable[str]) -> dict[str, str]:
+    """Digests of what makes up functions, classes and modules as this process has them, in words.
+
+    Raises:
+        ArmDesignError: one reaches what only its file tells, and that is not what was loaded.
+        ImportError: a module is not there or cannot be loaded.
+    """
+    values = {name: found_by(name) for name in names}  # all, as modules know what is loaded
+    reached = _Reached(None, strict=False)
+    parts: dict[str, list[Any]] = {}
+    for name, value in values.items():
+        reached.name = name.replace(":", ".").removesuffix(".")
+        with _within_bounds(reached.name):
+            first, *things = reached.all_of(value, name)
+            rest = [first, reached.texts(others=False)]
+        for _, owner, *inside in things:
+            known_as = owner if isinstance(owner, str) else ".".join(owner)
+            for part in inside:
+                parts.setdefault(_in_words(part, known_as), []).append(part)
+        parts.setdefault(reached.name, []).append(rest)
+    return {words: digest(part) for words, part in parts.items()}
+
+
+def _in_words(part: Any, owner: str) -> str:
+    """What a part of a function, class or module is: a value that it names, or itself."""
+    is_named = isinstance(part, list) and len(part) == 2 and isinstance(part[0], str)
+    return f"{part[0]} in {owner}" if is_named else owner
+
+
+@contextmanager
+def _within_bounds(name: str) -> Iterator[None]:
     try:
-        found = reached.all_of(function, reached.name)
-        return canonical([found, reached.texts()])
+        yield
     except RecursionError:
         fault, remedy = "reaches values within values without end", "give numbers as options"
-        raise ArmDesignError(reached.name, fault, remedy) from None
+        raise ArmDesignError(name, fault, remedy) from None
 
 
 class _Reached:
-    """What a task reaches; each thing is looked at once, and is a number from then on."""
+    """What a task reaches; each thing is looked at once, and is a number from then on.
 
-    def __init__(self, task: Any, seen: dict[int, tuple[int, Any]] | None = None) -> None:
+    Args:
+        task: a function.
+        seen: things with their numbers.
+        strict: whether a value that nothing stands for is refused; otherwise its class stands.
+    """
+
+    def __init__(
+        self, task: Any, seen: dict[int, tuple[int, Any]] | None = None, *, strict: bool = True
+    ) -> None:
         self.name = getattr(task, "__qualname__", "task")
-        self._task = task
+        self.named: dict[str, None] = {}  # what other processes find by its name
+        self._task, self._strict = task, strict
         self._seen = seen or {}  # with the things, lest another one gets the address
         self._files: set[str] = set()
         self._waiting: deque[tuple[Any, str, str]] = deque()  # functions, classes and modules
@@ -96,7 +158,9 @@ class _Reached:
         """Identity of a value that is known by a name, in a module of the user's with a file."""
         kind = type(value)
         if kind in ATOMS:
-            return hex(value) if kind is int else repr(value)
+            return hex(value) if kind is int else repr(self._without_addresses(value))
+        if value is GLOBAL_GENERATOR:
+            return ["numpy.random"]
         if kind not in (tuple, frozenset):  # equal ones may be one, or not
             if id(value) in self._seen:
                 return self._seen[id(value)][0]
@@ -110,6 +174,8 @@ class _Reached:
         home = home_of(value)
         if home and installed(home):
             return [home.__name__, called(value)]
+        if found := name_to_others(value, home):
+            self.named[found] = None
         if isinstance(value, FunctionType | type | ModuleType):
             self._waiting.append((value, name, file))
             return self._seen[id(value)][0]
@@ -117,8 +183,8 @@ class _Reached:
             return [kind.__name__, *(self.of(getattr(value, p), name, file) for p in PARTS[kind])]
         return self._of_object(value, name, file)
 
-    def texts(self) -> list[str]:
-        """Digests of all files of the user's, if any stands for a value that it holds.
+    def texts(self, *, others: bool = True) -> list[str]:
+        """Digests of the files that stand for values, if any, and of the user's others.
 
         Raises:
             ArmDesignError: one is not what was loaded.
@@ -126,7 +192,7 @@ class _Reached:
         if not self._files:
             return []
         modules = [m for m in list(sys.modules.values()) if isinstance(m, ModuleType)]
-        own = {file_of(vars(m)) for m in modules if not installed(m)} - {""}
+        own = {file_of(vars(m)) for m in modules if others and not installed(m)} - {""}
         texts = []
         for file in map(Path, self._files | own):
             if file.stat().st_mtime > _BEGAN:
@@ -135,11 +201,21 @@ class _Reached:
             texts.append(hashlib.sha256(file.read_bytes()).hexdigest())
         return sorted(texts)
 
+    def _without_addresses(self, value: Any) -> Any:
+        """A value; a text has numbers of things in the place of their addresses."""
+
+        def number(address: re.Match[str]) -> str:
+            known = self._seen.get(int(address[0]))
+            return str(known[0]) if known else address[0]
+
+        return ADDRESS.sub(number, value) if type(value) is str else value
+
     def _apart(self, value: Any, name: str, file: str) -> str:
         """Identity of one of a set, whichever of them come before it."""
-        apart = _Reached(self._task, dict(self._seen))
+        apart = _Reached(self._task, dict(self._seen), strict=self._strict)
         found = canonical(apart.all_of(value, name, file))
         self._files |= apart._files
+        self.named |= apart.named
         return found
 
     def _inside(self, value: Any, name: str, file: str) -> Iterator[Any]:
@@ -155,10 +231,10 @@ class _Reached:
         if code is DISPATCHER:
             yield self.of(dict(vars(function)["registry"]), name, file)
             return
-        whole = "" if function is self._task else file_of(space)
+        whole = "" if function is self._task and self._strict else file_of(space)
         held = file or (whole if home_of(function) else "")
         inside = function.__defaults__, function.__kwdefaults__, vars(function)
-        yield self.of(inside, name, held)
+        yield self.of((*inside, _annotations(function)), name, held)
         for free, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             yield [self.of(one, free, held) for one in _contents(cell)]
         module = sys.modules.get(space.get("__name__", ""))
@@ -197,6 +273,8 @@ class _Reached:
             if file:
                 self._files.add(file)
                 return self.of(type(value), name, file)
+            if not self._strict:
+                return self.of(type(value), name)
             fault = f'reads "{name}", a {type(value).__name__} that cannot be written down'
             remedy = "give numbers and texts as options"
             raise ArmDesignError(self.name, fault, remedy) from None
@@ -235,6 +313,13 @@ def _plain(kind: type, part: Any) -> Any:
         return part
     computed = {k for k in part if isinstance(getattr(kind, str(k), None), cached_property)}
     return {key: one for key, one in part.items() if key not in computed}
+
+
+def _annotations(function: FunctionType) -> dict[str, Any]:
+    try:
+        return function.__annotations__
+    except NameError:  # of newer Pythons, which look for names only now
+        return {}
 
 
 def _contents(cell: Any) -> list[Any]:

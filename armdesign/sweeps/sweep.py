@@ -271,7 +271,7 @@ class _CaseRunner:
         if self.scheduler is not None:
             from armdesign.sweeps.cluster import on_cluster
 
-            yield from on_cluster(self.study, cases, self.scheduler, self._died)
+            yield from on_cluster(self.study, cases, self.scheduler, self._died, self.say)
         elif self.workers > 1:
             from armdesign.sweeps.processes import on_processes
 
@@ -281,7 +281,7 @@ class _CaseRunner:
             try:
                 yield from ((case, answer(self.study.name, case)) for case in cases)
             finally:
-                forget(self.study)
+                forget(self.study.name)
 
     def _died(self, case: Case) -> None:
         self.retried.append(case.name)

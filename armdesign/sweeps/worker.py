@@ -7,22 +7,22 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from typing import Any
 from uuid import uuid4
 
 import numpy as np
 
-from armdesign.errors import ArmDesignError, InfeasibleError
+from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.journal import Entry
 from armdesign.machine.changes import changed_machine
 from armdesign.machine.machine import Machine
 from armdesign.sweeps.answers import COLUMNS, writable
 from armdesign.sweeps.cases import Case
+from armdesign.sweeps.sending import Sent, received, words_of
 from armdesign.sweeps.tasks import Task, task_named
 from armdesign.threads import one_thread
 
@@ -74,38 +74,27 @@ class Outcome(Entry):
 
 
 _studies: dict[str, Study] = {}
+_refused: dict[str, ArmDesignError] = {}  # why this process did not take a study, by its name
 # threads of one worker process; a task may sweep itself
 _one_at_a_time = threading.RLock()
 
 
 def prepare(study: Study) -> None:
-    """Keep a study for the cases to come.
-
-    Raises:
-        ArmDesignError: it was made by another version of the package.
-    """
-    own = version("armdesign")
-    if study.version != own:
-        fault = f"has armdesign {own}, the study comes from {study.version}"
-        raise ArmDesignError("worker", fault, "install the same version on all machines")
+    """Keep a study for the cases to come."""
     _studies[study.name] = study
 
 
-def prepare_process(study: Study, parent: int) -> None:
-    """As ``prepare``, in a process that leaves Ctrl-C to its parent and ends with it."""
+def prepare_process(sent: Sent, parent: int) -> None:
+    """Take a study in a process that leaves Ctrl-C to its parent and ends with it.
+
+    What keeps it from that is said by the first case.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
-    prepare(study)
-
-
-def refuse_unless_sent(shared: Any, dumps: Callable[[Any], Any]) -> None:
-    """Raise for what cannot be written for other processes."""
     try:
-        dumps(shared)
-    except Exception as error:  # of any kind, as a task or option has its own way
-        remedy = "take workers=1, or a function of a module and plain options"
-        fault = f"cannot be sent to other processes ({_words(error)})"
-        raise ArmDesignError("task or options", fault, remedy) from None
+        prepare(received(sent))
+    except ArmDesignError as error:
+        _refused[sent.name] = error
 
 
 def is_prepared(name: str) -> bool:
@@ -113,9 +102,9 @@ def is_prepared(name: str) -> bool:
     return name in _studies
 
 
-def forget(study: Study) -> None:
-    """Drop a study."""
-    _studies.pop(study.name, None)
+def forget(name: str) -> None:
+    """Drop the study of a name."""
+    _studies.pop(name, None)
 
 
 def answer(name: str, case: Case) -> Outcome:
@@ -123,7 +112,12 @@ def answer(name: str, case: Case) -> Outcome:
 
     Whatever goes wrong in the case is in the outcome: one case does not end the others. Only
     Ctrl-C does.
+
+    Raises:
+        ArmDesignError: this process could not take the study.
     """
+    if name in _refused:
+        raise _refused[name]
     with _one_at_a_time, one_thread():
         start = time.perf_counter()
         try:
@@ -133,22 +127,9 @@ def answer(name: str, case: Case) -> Outcome:
         except BaseException as error:
             final = isinstance(error, ArmDesignError) and not error.passing
             seconds = time.perf_counter() - start
-            words = writable(_words(error))
+            words = writable(words_of(error))
             return Outcome(answer={}, seconds=seconds, error=words, final=final)
         return Outcome(answer=numbers, seconds=time.perf_counter() - start)
-
-
-def _words(error: BaseException) -> str:
-    """What an error says, behind its kind where it is none of ours."""
-    try:
-        if isinstance(error, InfeasibleError):
-            from armdesign.design.search.infeasibility.concessions import in_a_line
-
-            return in_a_line(error)
-        own = isinstance(error, ArmDesignError)
-        return str(error) if own else f"{type(error).__name__}: {error}"
-    except Exception:  # of a kind that cannot say it
-        return type(error).__name__
 
 
 def _answer(study: Study, case: Case) -> dict[str, Any]:

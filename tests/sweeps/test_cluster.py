@@ -158,7 +158,7 @@ def test_a_scheduler_that_is_killed_is_gone(tmp_path: Path) -> None:
         study = Study(identity="one", version="0", **nothing)
         for _ in range(2):
             with pytest.raises(ad.ArmDesignError, match=f"{address} is gone; start it"):
-                _is_taken(client, study, address)
+                _is_taken(client, study.name, address)
         client.close(timeout=1)
 
 

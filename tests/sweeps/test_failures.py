@@ -177,6 +177,20 @@ def test_an_interruption_just_after_cases_were_given_leaves_no_traceback(
     assert of_threads == []
 
 
+def test_no_more_processes_begin_than_there_are_cases(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forty took four gigabytes for three cases."""
+    begun = list[int]()
+
+    def pool(_: Any, workers: int) -> None:
+        begun.append(workers)
+        raise ad.ArmDesignError("pool", "is none")
+
+    monkeypatch.setattr(processes, "_pool", pool)
+    with pytest.raises(ad.ArmDesignError, match="pool: is none"):
+        ad.sweep("paper_1dof", MODULI, "map", points=2, workers=40)
+    assert begun == [3]
+
+
 class Colour(StrEnum):
     """Texts of a class of their own."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import os
 import subprocess
@@ -79,6 +80,13 @@ OBJECTS = {
         "X = dataclasses.make_dataclass('X', [('a', int, dataclasses.field(default=NN))])\n",
         "h.X.a",
     ),
+    "annotation": ("def X(a: NN): return a\n", "h.X.__annotations__['a']"),
+    "validator": (
+        "from typing import Any\nfrom pydantic import BaseModel, field_validator\n"
+        "class M(BaseModel):\n    a: Any = None\n    b: Any = None\n"
+        "    @field_validator('ab'[NN - 1])\n    @classmethod\n    def v(cls, x): return 2\n",
+        "h.M(a=1, b=1).b",
+    ),
     "names of parameters": ("def X(aNN=2, **more): return aNN\n", "h.X(a1=1)"),
 }
 IMPORTS = {  # a function that gets a number from another file, and the name of that
@@ -151,6 +159,16 @@ def test_a_module_that_lacks_or_fails_is_left_to_the_task(made: Made) -> None:
     assert identity_of_function(made({"reached_bad": "1 / 0\n", "reached_task": task}))
 
 
+def test_what_python_keeps_in_a_class_once_it_wrote_one_down_changes_nothing(made: Made) -> None:
+    """Names of its slots."""
+    task = "class K: pass\ndef task(machine, workspace): return K().x\n"
+    function = made({"reached_task": task})
+    before = identity_of_function(function)
+    copy.copy(function.__globals__["K"]())
+    assert "__slotnames__" in vars(function.__globals__["K"])
+    assert identity_of_function(function) == before
+
+
 def test_every_run_of_python_finds_the_same(tmp_path: Path) -> None:
     """Neither addresses nor the order of sets are in it."""
     (tmp_path / "reached_h.py").write_text(
@@ -160,6 +178,11 @@ def test_every_run_of_python_finds_the_same(tmp_path: Path) -> None:
         "D = [{frozenset({'boom', 'stick', 'bucket', 'swing'}), 'a', ('b', 1)}]\n"
         "class L:\n    lock, names = threading.Lock(), {'boom', 'stick', 'bucket'}\nE = L()\n"
         "class M(pydantic.BaseModel):\n    a: int = 1\nF = M()\n"
+        "class N(M):\n    @pydantic.computed_field\n    @property\n"
+        "    def b(self) -> int: return 1\n"
+        "    @pydantic.field_validator('a')\n    @classmethod\n    def v(cls, a): return a\n"
+        "    @pydantic.model_validator(mode='after')\n    def w(self): return self\n"
+        "from scipy import stats\nLIFE = stats.norm(1200.0, 50.0)\n"
     )
     (tmp_path / "reached_task.py").write_text(
         "import reached_h\nfrom reached_h import A, B, C, D\n"
