@@ -24,7 +24,7 @@ from armdesign.sweeps.worker import Outcome, Study, died, is_prepared
 from armdesign.transaction import undisturbed
 
 PATIENCE = 10.0  # [s] for which a scheduler, or its workers, may be silent at the start
-LAST = 2.0  # [s] for which they may be silent at the end, or where one worker is asked
+LAST = 5.0  # [s] for which they may be silent at the end, or where one worker is asked
 LOOK = 0.02  # [s] between two looks at what has come
 PREFIX = "armdesign-"
 NOT_TAKEN = "its worker could not take the study, as its log says: is it of another version?"
@@ -85,7 +85,11 @@ def _answers(
                 time.sleep(LOOK)
             watch.look()
             future = next(futures)
-            case, outcome = watch.named[str(future.key)], _outcome(future, address)
+            try:
+                case, outcome = watch.named[str(future.key)], _outcome(future, address)
+            except TimeoutError:  # its worker died before it gave the answer away, or hangs
+                futures.add(future)
+                continue
             future.release()
             if outcome is not None:
                 yield case, outcome
@@ -289,11 +293,16 @@ def _lost(event: dict[str, Any]) -> Iterable[str]:
 
 
 def _outcome(future: Any, address: str) -> Outcome | None:
-    """The outcome of a case; None where its worker passed it on."""
+    """The outcome of a case; None where its worker passed it on.
+
+    Raises:
+        ArmDesignError: the scheduler is gone.
+        TimeoutError: the worker that has it does not answer.
+    """
     from distributed import KilledWorker
 
     try:
-        outcome: Outcome | None = future.result()
+        outcome: Outcome | None = future.result(timeout=LAST)
     except KilledWorker as error:
         return died(1 + int(error.allowed_failures))
     except CancelledError:

@@ -172,7 +172,9 @@ def test_a_cluster_without_workers_is_said(tmp_path: Path) -> None:
             if text.startswith("waits"):
                 workers.append(worker())
             elif text.startswith("1 of"):
+                time.sleep(1.0)  # [s] in which the other case is answered, and then lost
                 workers[0].kill()
+                workers[0].wait()
 
         sweep("paper_1dof", TWO, points=[200], scheduler=address, say=say)
     waits, come = f"waits for a worker; start one with: dask worker {address}", "a worker has come"
