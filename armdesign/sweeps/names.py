@@ -8,6 +8,7 @@ import sys
 import sysconfig
 from collections.abc import Iterator, Mapping
 from functools import cache
+from importlib.machinery import SourceFileLoader
 from importlib.util import resolve_name
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -48,12 +49,14 @@ def name_to_others(value: Any, home: ModuleType | None) -> str:
         home: the module that has it by its name, if there is one.
 
     Returns:
-        Empty where they do not: it was typed or made, or is installed.
+        Empty where they do not: it was typed or made, is installed, or was rewritten as it was
+        loaded, as pytest does, so that others have it from the same file and yet not alike.
     """
     module = value if isinstance(value, ModuleType) else home
     if module is None or installed(module) or module is not sys.modules.get(module.__name__):
         return ""
-    if module.__name__ == "__main__":
+    loader = getattr(module.__spec__, "loader", None)
+    if module.__name__ == "__main__" or not isinstance(loader, SourceFileLoader):
         return ""
     return f"{module.__name__}:{'' if module is value else called(value)}"
 

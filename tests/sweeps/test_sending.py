@@ -212,3 +212,15 @@ def test_two_workers_never_answer_what_one_does_not(folder: Path) -> None:
         ad.sweep("paper_1dof", moduli, module.cached, **how)
     one = ad.sweep("paper_1dof", moduli, module.cached, **how | {"workers": 1})
     assert one.frame["x"].tolist() == [7.0, 7.0]
+
+
+def asserted(machine: ad.Machine, workspace: ad.Workspace) -> dict[str, float]:
+    assert len(workspace.q)
+    return {"x": machine.fluid.bulk_modulus}
+
+
+def test_functions_that_pytest_rewrote_are_taken() -> None:
+    """Another process has this file as it is, and other code of it."""
+    moduli = {"fluid.bulk_modulus_MPa": [900.0, 1000.0]}
+    sweep = ad.sweep("paper_1dof", moduli, asserted, points=2, workers=2)
+    assert sweep.frame["x"].tolist() == [900e6, 1000e6]
