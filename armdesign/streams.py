@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import errno
 import io
 import os
 import sys
@@ -10,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TextIO
 
+# of streams that have lost what they could not write, as stderr and those of ``python -u``
+OF_STREAMS = {errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC, errno.EPIPE}
 ASCII = {"²": "2", "³": "3", "·": " ", "µ": "u", "×": "x", "≤": "<=", "≥": ">=", "→": "->"}
 ASCII |= {"–": "-", "—": "-", "−": "-", "…": "...", "°": "deg", "±": "+-", "½": "1/2", "Σ": "sum"}
 
@@ -81,7 +84,7 @@ def printing() -> Iterator[None]:
             sys.stdout.flush()
     except OSError as error:
         broken = [stream for stream in (sys.stdout, sys.stderr) if not _flushes(stream)]
-        if not broken and (_keeps(sys.stdout) or error.errno is None):
+        if not broken and error.errno not in OF_STREAMS:
             raise
         for stream in broken:  # nor may Python's own end try it again
             with suppress(OSError, ValueError):
@@ -101,8 +104,3 @@ def _flushes(stream: TextIO) -> bool:
     except (OSError, ValueError):
         return False
     return True
-
-
-def _keeps(stream: TextIO) -> bool:
-    """Whether a stream has what it could not write; not so for ``python -u``."""
-    return not isinstance(getattr(stream, "buffer", None), io.RawIOBase)
