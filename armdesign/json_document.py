@@ -79,10 +79,8 @@ class Document(Part):
         self.numbers |= {name: _value(value) for name, value in numbers.items()}
         for name, table in tables.items():
             columns = {str(head): column.tolist() for head, column in table.items()}
-            written = [
-                [_value(cell, digits_of(head, cells)) for cell in cells]
-                for head, cells in columns.items()
-            ]
+            digits = {head: digits_of(head, cells) for head, cells in columns.items()}
+            written = [[_value(c, digits[head]) for c in cells] for head, cells in columns.items()]
             rows = zip(*written, strict=True)
             self.tables[name] = [dict(zip(columns, row, strict=True)) for row in rows]
 

@@ -66,6 +66,16 @@ def test_nothing_is_imported_from_the_current_folder(
     assert not (tmp_path / "run").exists()
 
 
+def ending_with(module: str, said: str, asked: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """A command in a process that says at its end what it knows of threads."""
+    code = f"import atexit, sys, {module}; atexit.register(lambda: print({said}))"
+    code += "; sys.argv = ['armdesign', 'check', 'no_such_machine']"
+    code += "; from armdesign.__main__ import main; main()"
+    kept = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
+    words = [sys.executable, "-c", code]
+    return subprocess.run(words, capture_output=True, text=True, env=kept | asked)
+
+
 @pytest.mark.parametrize(("asked", "expected"), [({}, {1}), ({"OPENBLAS_NUM_THREADS": "2"}, {2})])
 def test_one_thread_of_linear_algebra_unless_asked(
     asked: dict[str, str], expected: set[int]
@@ -73,30 +83,16 @@ def test_one_thread_of_linear_algebra_unless_asked(
     """Of numpy's OpenBLAS, where it has threads: more slow small matrices down."""
     if (os.cpu_count() or 1) < 2:
         pytest.skip("one core has one thread anyway")
-    say = "import atexit, threadpoolctl; atexit.register(lambda: print(*(p['num_threads']"
-    say += " for p in threadpoolctl.threadpool_info() if p['user_api'] == 'blas')))"
-    code = f"import sys; {say}; sys.argv = ['armdesign', 'check', 'no_such_machine']"
-    code += "; from armdesign.__main__ import main; main()"
-    kept = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
-    finished = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=kept | asked
+    said = (
+        "*(p['num_threads'] for p in threadpoolctl.threadpool_info() if p['user_api'] == 'blas')"
     )
+    finished = ending_with("threadpoolctl", said, asked)
     assert {int(count) for count in finished.stdout.split()} == expected, finished.stderr
 
 
 @pytest.mark.parametrize("asked", ["", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"])
 def test_a_command_has_a_thread_for_each_processor_unless_asked(asked: str) -> None:
-    say = "import atexit; from armdesign import threads"
-    say += "; atexit.register(lambda: print(threads._beside))"
-    code = f"import sys; {say}; sys.argv = ['armdesign', 'check', 'no_such_machine']"
-    code += "; from armdesign.__main__ import main; main()"
-    kept = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
-    finished = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        env=kept | {asked or "X": "1"},
-    )
+    finished = ending_with("armdesign.threads", "armdesign.threads._beside", {asked or "X": "1"})
     assert int(finished.stdout) == (1 if asked else processors()), finished.stderr
 
 

@@ -165,9 +165,7 @@ def limited(requirements: Requirements, against: str, limit: float) -> Requireme
         own = {name: min(limit, share_of(torque, name)) for name in requirements.digging}
         every = torque if isinstance(torque, Mapping) else {DEFAULT: torque}
         return replace(requirements, digging_share=limit, torque_share={**every, **own})
-    if against == "pin_box":
-        return replace(requirements, pin_box=limit)
-    name = f"{against}_share"
+    name = "pin_box" if against == "pin_box" else f"{against}_share"
     changes: dict[str, Any] = {name: _with_common(getattr(requirements, name), limit)}
     return replace(requirements, **changes)
 

@@ -15,11 +15,11 @@ POSES = ("_mm", "_deg")
 
 def identified_sheets(identified: Identified) -> list[Sheet | str]:
     """Windows with frequency, damping and pose, and what a reader should know of them."""
-    frame, time_text = identified.frame, identified.recording.time_text
+    frame, recording = identified.frame, identified.recording
     poses = [name for name in frame.columns if name.endswith(POSES)]
     remarks, rows = (frame["remark"] != "").any(), []
     for _, row in frame.iterrows():
-        cells = ["–".join(map(time_text, (row["begin_s"], row["end_s"])))]
+        cells = [recording.span_text(row["begin_s"], row["end_s"])]
         cells += [f"{row['frequency_hz']:.4f} ± {row['deviation_hz']:.4f}"]
         cells += [f"{row['damping_ratio']:.4f} ± {row['damping_deviation']:.4f}"]
         cells += ["–" if math.isnan(row["amplitude"]) else f"{row['amplitude']:.3g}"]

@@ -168,7 +168,7 @@ class Identified:
 
     def span(self, window: IdentifiedWindow) -> str:
         """Begin and end [s] of a window in words, which tell it from all others."""
-        return "–".join(map(self.recording.time_text, (window.begin, window.end)))
+        return self.recording.span_text(window.begin, window.end)
 
     @property
     def findings(self) -> list[str]:

@@ -164,7 +164,7 @@ def _missing(whole: Recording, begin: float, end: float) -> dict[str, str]:
     first, last = float(whole.time[0]), float(whole.time[-1])
     if begin >= first - whole.step and end <= last + whole.step:
         return {}
-    held, asked = ("–".join(map(whole.time_text, ends)) for ends in ((first, last), (begin, end)))
+    held, asked = whole.span_text(first, last), whole.span_text(begin, end)
     return {"cut": f"the recording holds {held} s, not all of {asked} s"}
 
 

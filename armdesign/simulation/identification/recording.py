@@ -58,6 +58,10 @@ class Recording(ReadOnly):
         """An instant [s] in words, from which ``between`` finds its sample again."""
         return np.format_float_positional(round(float(instant), self.decimals) + 0.0, trim="-")
 
+    def span_text(self, begin: float, end: float) -> str:
+        """Two instants [s] in words."""
+        return f"{self.time_text(begin)}–{self.time_text(end)}"
+
     def column(self, name: str) -> Array:
         """A signal (n,).
 
@@ -74,8 +78,8 @@ class Recording(ReadOnly):
         told = (0.5 + ROUNDING) * 0.1**self.decimals
         inside = (self.time >= begin - told) & (self.time <= end + told)
         some = {name: values[inside] for name, values in self.columns.items()}
-        where = f"{self.time_text(begin)}–{self.time_text(end)} s"
-        return Recording(f"{self.source}: {where}", self.time[inside], some)
+        source = f"{self.source}: {self.span_text(begin, end)} s"
+        return Recording(source, self.time[inside], some)
 
     def sampled(self, name: str) -> Array:
         """A signal without blanks, at instants without gaps (n,).
