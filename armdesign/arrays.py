@@ -15,9 +15,9 @@ Numbers: TypeAlias = Any  # a number or an array, or an interval where a bound i
 Flags: TypeAlias = NDArray[np.bool_]
 T = TypeVar("T")
 
-# poses: few enough for the cache that two threads share, enough that these seldom wait for
-# Python; a power of two would put all components of a matrix onto the same lines of a cache
-CHUNK = 15_000
+# poses, whose arrays the cache of a core holds; a power of two would put all components of a
+# matrix onto the same lines of a cache
+CHUNK = 5_000
 
 
 class ReadOnly:
@@ -66,9 +66,10 @@ def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
     return recalled
 
 
-def chunks(count: int) -> Iterator[slice]:
-    """Slices of at most ``CHUNK`` rows that cover ``count`` rows; one empty slice for none."""
-    return (slice(start, min(start + CHUNK, count)) for start in range(0, max(count, 1), CHUNK))
+def chunks(count: int, size: int | None = None) -> Iterator[slice]:
+    """Slices of at most ``size`` or ``CHUNK`` rows that cover ``count``; an empty one for none."""
+    size = size or CHUNK
+    return (slice(start, min(start + size, count)) for start in range(0, max(count, 1), size))
 
 
 def stacked(parts: Iterable[T], count: int) -> T:

@@ -9,7 +9,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from contextvars import copy_context
+from contextvars import ContextVar, copy_context
 from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeVar
 
@@ -20,7 +20,9 @@ Part = TypeVar("Part")
 T = TypeVar("T")
 
 MOST = 4  # threads: with more, they wait for each other's Python
+LARGE_CHUNK = 30_000  # poses of each of several threads: they wait between small chunks, too
 _beside = 1  # of them, whatever BLAS may use
+_at_work = ContextVar("_at_work", default=False)  # whether this is one of several threads
 
 
 def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
@@ -32,23 +34,38 @@ def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
     """
     parts = iter(parts)
     ahead = list(islice(parts, 2))
-    threads = 1 if len(ahead) < 2 else min(max(_beside, _of_blas()), MOST)
-    if threads == 1:
+    count = 1 if len(ahead) < 2 else threads()
+    if count <= 1:
         yield from map(work, chain(ahead, parts))
         return
     from concurrent.futures import ThreadPoolExecutor
 
-    pool = ThreadPoolExecutor(threads)
+    pool = ThreadPoolExecutor(count)
     try:
         waiting: deque[Future[T]] = deque()
         for part in chain(ahead, parts):
-            waiting.append(pool.submit(copy_context().run, work, part))
-            if len(waiting) > threads:
+            context = copy_context()
+            context.run(_at_work.set, True)
+            waiting.append(pool.submit(context.run, work, part))
+            if len(waiting) > count:
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def thread_chunks(count: int) -> Iterator[slice]:
+    """Slices of ``count`` rows for ``in_threads``: chunks of one thread, large ones of several.
+
+    One slice in a thread of its own.
+    """
+    from armdesign.arrays import CHUNK, chunks  # not before the threads of BLAS are set
+
+    several = threads() if count > CHUNK else 1
+    if several > 1:
+        return chunks(count, min(max(-(-count // several), CHUNK), LARGE_CHUNK))
+    return chunks(count, CHUNK if several else count)
 
 
 def allow(count: int) -> None:
@@ -69,6 +86,11 @@ def one_thread() -> Iterator[None]:
             yield
         finally:
             allow(before)
+
+
+def threads() -> int:
+    """Threads of ``in_threads`` where there is work for them; none in one of its own."""
+    return 0 if _at_work.get() else min(max(_beside, _of_blas()), MOST)
 
 
 def processors() -> int:

@@ -29,7 +29,7 @@ from armdesign.design.requirements.candidate import reference_of
 from armdesign.design.requirements.settings import evaluations
 from armdesign.design.search.sequential_sdp import MISSED
 from armdesign.frequency.modes import hertz
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 PRICE = 5.0  # of ω² (relative) per unit of missed requirement
 FEW, MORE = 150, 12  # poses that a rival starts with, and that join at each look

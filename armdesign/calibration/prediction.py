@@ -21,7 +21,7 @@ from armdesign.hydraulics.oil_spring import oil_stiffness
 from armdesign.machine.machine import Machine
 from armdesign.machine.measured_poses import at_lengths, joint_columns
 from armdesign.machine.poses import Poses
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 RIGID = 1e-12  # [m/N] least compliance of what holds a stuck piston
 

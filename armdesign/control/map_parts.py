@@ -20,7 +20,7 @@ from armdesign.frequency.cases import CasePoses, in_chunks, poses_of
 from armdesign.frequency.modes import natural_modes
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 CHUNK = 500  # poses whose frequency responses a thread has in memory
 

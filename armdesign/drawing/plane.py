@@ -14,7 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 LEVEL = 0.5  # largest vertical part of the axis of a joint that moves in a vertical plane
 SQUARE = 0.999  # least part across the picture of an axis that is drawn as it is

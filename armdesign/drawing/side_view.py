@@ -24,8 +24,8 @@ from armdesign.errors import PoseError
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.machine import parts
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import bar
 
 if TYPE_CHECKING:

@@ -20,9 +20,9 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import barrel_outer
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.kinds import KINDS
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine

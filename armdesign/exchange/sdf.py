@@ -21,7 +21,7 @@ from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
 from armdesign.exchange.urdf import centre, folder_of, urdf
 from armdesign.machine.load_case import NO_LOAD
 from armdesign.machine.poses import joint_positions
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf import attribute, of_roll_pitch_yaw, roll_pitch_yaw
 from armdesign.mechanism.urdf_faults import numbers

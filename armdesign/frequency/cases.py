@@ -19,7 +19,7 @@ from armdesign.errors import PoseError, TopplingError
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, refuse_toppling
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 T = TypeVar("T")
 

@@ -22,7 +22,7 @@ from armdesign.frequency.worst_frequency import WorstPose, refined
 from armdesign.hydraulics.actuator import Actuator, Motor
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, pose_text
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.short_repr import short_repr
 
 if TYPE_CHECKING:
@@ -316,7 +316,8 @@ def _values(machine: Machine, poses: Poses, modes: Modes) -> Array:
         *(modes.frequencies, modes.locked_frequencies, modes.rigid_frequencies),
         *(poses.cylinder_forces, poses.extensions[:, : len(machine.cylinders)]),
     )
-    return np.concatenate(columns, axis=1).T
+    rows = [column.T for column in columns]
+    return np.concatenate(rows, out=np.empty((sum(map(len, rows)), len(poses))))
 
 
 def _stiffness_parts(poses: Poses, modes: Modes) -> Array:

@@ -19,7 +19,6 @@ from armdesign.arrays import (
     Array,
     Flags,
     ReadOnly,
-    chunks,
     components_first,
     congruent,
     poses_first,
@@ -29,7 +28,7 @@ from armdesign.arrays import (
 from armdesign.errors import PoseError
 from armdesign.machine.poses import Poses, own_joints
 from armdesign.short_repr import short_repr
-from armdesign.threads import in_threads
+from armdesign.threads import in_threads, thread_chunks
 from armdesign.units import GRAVITY
 
 if TYPE_CHECKING:
@@ -85,7 +84,7 @@ def natural_modes(poses: Poses) -> Modes:
         >>> print(modes.frequencies[:, 0].round(2))
         [ 8.77 10.77 14.25]
     """
-    parts = in_threads(lambda rows: _natural_modes(poses[rows]), chunks(len(poses)))
+    parts = in_threads(lambda rows: _natural_modes(poses[rows]), thread_chunks(len(poses)))
     return stacked(parts, len(poses))
 
 

@@ -17,7 +17,8 @@ from armdesign.frequency.spread import edge_poses
 from armdesign.machine import reaching
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 STARTS = 6  # per cell on each edge of the joint ranges
 

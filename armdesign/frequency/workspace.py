@@ -24,11 +24,11 @@ from armdesign.frequency.spread import tipping_joints, turned_onto_pitch_limits
 from armdesign.journal.keys import digest
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import never_within, over
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.progress import with_bar
 from armdesign.short_repr import short_repr
-from armdesign.threads import in_threads
+from armdesign.threads import in_threads, thread_chunks
 
 KEPT = 200_000  # up to so many poses inertia and placements stay in memory: 120 MB
 REFUSED = 2_000  # poses that a refusal looks at
@@ -238,7 +238,7 @@ class Workspace(ReadOnly):
             links = self.machine.rigid_poses(self.q[rows]) if known is None else known[rows]
             return work(rows, links)
 
-        return in_threads(part, with_bar(chunks(len(self)), len(self), what))
+        return in_threads(part, with_bar(thread_chunks(len(self)), len(self), what))
 
     def holds(self, payload: LoadCase) -> Flags:
         """Whether a load case exists at each pose (n,)."""
@@ -247,7 +247,7 @@ class Workspace(ReadOnly):
         if len(self) <= KEPT:
             return self.machine.holds(self.rigid, payload)
         parts = in_threads(
-            lambda rows: self.machine.holds(self.q[rows], payload), chunks(len(self))
+            lambda rows: self.machine.holds(self.q[rows], payload), thread_chunks(len(self))
         )
         return np.concatenate(list(parts))
 

@@ -26,7 +26,7 @@ from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.dead_centres import DeadCentre, dead_centre
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 STARTS = 4  # local searches per load case
 FAR = 1.15  # times the lowest frequency: no search from poses above ends lower (trials: 1.02)

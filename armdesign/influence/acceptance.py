@@ -31,7 +31,8 @@ from armdesign.influence.family import Family
 from armdesign.influence.widths import Width, family_of
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.report.sheet import Sheet
 from armdesign.units import Units, share_text
 

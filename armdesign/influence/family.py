@@ -8,7 +8,7 @@ derivatives, whatever key path it goes along.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from armdesign.machine.file.key_paths import Location
 from armdesign.machine.file.numbers import with_values
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 # tables whose numbers can change natural frequencies at a pose, and keys that only damp or end
 HEADS = {"payload", "fluid", "supply", "cylinder", "motor", "spring"}
@@ -30,8 +30,10 @@ RIGID = "mass_matrix", "gravity_torque", "gravity_stiffness"
 class RowPoses(RigidPoses):
     """Poses of machines that differ from row to row: none has the linkage of another."""
 
-    def distinct(self, *joints: int) -> tuple[RigidPoses, Array | slice]:
-        """All poses: equal positions of joints do not mean equal lengths."""
+    def alone(
+        self, joint: int, placed: Callable[[int, Array], RigidPoses]
+    ) -> tuple[RigidPoses, Array | slice]:
+        """All poses: equal positions of a joint do not mean equal lengths."""
         return self, slice(None)
 
     @classmethod

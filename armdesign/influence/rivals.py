@@ -17,7 +17,7 @@ from armdesign.influence.compass_search import lowest_near
 from armdesign.influence.ends import REACHED, Ends, all_ends, endless, ends_at
 from armdesign.influence.family import Family
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 WITHIN = 0.25  # of the worst frequency: poses so near to it are its rivals
 APART = 0.02  # of a joint's range: poses nearer than this are one

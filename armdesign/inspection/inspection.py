@@ -22,9 +22,9 @@ from armdesign.inspection.implausible_values import suspicions
 from armdesign.inspection.oddities import oddities
 from armdesign.inspection.yardstick import Finding
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import ENDED, over, sweep
 from armdesign.mechanism.linkage.base import follows
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.spring import least_stiffness_factors
 from armdesign.units import WORKSHOP, Units
 

@@ -25,8 +25,8 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.poses import is_singular
 from armdesign.machine.reaching import lattice, place_and_slopes, poses_reaching
 from armdesign.machine.tipping import tipping_masses
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.slews import is_upright
 from armdesign.short_repr import short_repr
 from armdesign.units import mm

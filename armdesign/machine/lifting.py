@@ -20,8 +20,8 @@ from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.machine.load_case import NO_LOAD
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import static_forces
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import GRAVITY
 
 LEAST_FORCE = 1e-12  # [N/kg] below which a mass does not load an actuator

@@ -11,7 +11,8 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.errors import ArmDesignError, choose
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 PITCH_TOLERANCE = 1e-8  # [rad] a link tipped this far beyond its pitch limit still counts as on it
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arguments import checked, with_options
-from armdesign.arrays import Array, Flags, chunks, side_by_side, stacked
+from armdesign.arrays import Array, Flags, side_by_side, stacked
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid, Supply
@@ -28,24 +28,19 @@ from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, lines_of
 from armdesign.machine.links import urdf_of
 from armdesign.machine.load_case import LoadCase, case_named, case_of_mass
-from armdesign.machine.poses import (
-    Poses,
-    joint_positions,
-    poses_of,
-    refuse_toppling,
-    refuse_unreachable,
-)
-from armdesign.mechanism.arm import Arm, LoadedArm, RigidPoses
+from armdesign.machine.poses import Poses, joint_positions, poses_of, reachable_poses
+from armdesign.mechanism.arm import Arm, LoadedArm
 from armdesign.mechanism.carried_bars import of_linkage
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
 from armdesign.mechanism.linkage.gear import Gear
 from armdesign.mechanism.point_masses import of_points, points_of_bar
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
 from armdesign.short_repr import machine_repr
-from armdesign.threads import in_threads
+from armdesign.threads import in_threads, thread_chunks
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
@@ -376,14 +371,12 @@ class Machine:
         """
         q = q if isinstance(q, RigidPoses) else joint_positions(self, q)
         self.arm.load()
-        slices = with_bar(chunks(len(q)), len(q), "poses")
+        slices = with_bar(thread_chunks(len(q)), len(q), "poses")
         return stacked(in_threads(lambda rows: self._reachable(q[rows]), slices), len(q))
 
     def _reachable(self, q: RigidPoses | Array) -> Poses:
-        poses = self.evaluate(q if isinstance(q, RigidPoses) else self.arm.rigid_poses(q))
-        refuse_unreachable(self, poses)
-        refuse_toppling(self, poses)
-        return poses
+        rigid = q if isinstance(q, RigidPoses) else self.arm.rigid_poses(q)
+        return reachable_poses(self, rigid)
 
     def evaluate(self, rigid: RigidPoses) -> Poses:
         """Everything at the poses, not checked as by ``at``: impossible values are inf or NaN."""

@@ -32,7 +32,7 @@ from armdesign.units import WORKSHOP, Units, deg, mm, outward
 if TYPE_CHECKING:
     from armdesign.hydraulics.actuator import Cylinder
     from armdesign.machine.machine import Machine
-    from armdesign.mechanism.arm import RigidPoses
+    from armdesign.mechanism.rigid_poses import RigidPoses
     from armdesign.plots.canvas import Axes
 
 
@@ -257,12 +257,21 @@ def joint_positions(machine: Machine, q: ArrayLike) -> Array:
     return array
 
 
-def refuse_unreachable(machine: Machine, poses: Poses) -> None:
-    """Raise for the first pose that the machine cannot take.
+def reachable_poses(machine: Machine, rigid: RigidPoses) -> Poses:
+    """Everything of a machine at poses that it can take.
 
     Raises:
-        PoseError: out of stroke, a four-bar that does not close, or singular.
+        PoseError: out of stroke, a four-bar that does not close, singular, or on springs that are
+            too soft.
     """
+    poses = poses_of(machine, rigid)
+    _refuse_unreachable(machine, poses)
+    refuse_toppling(machine, poses)
+    return poses
+
+
+def _refuse_unreachable(machine: Machine, poses: Poses) -> None:
+    """Raise for the first pose out of stroke, singular, or at which a four-bar does not close."""
     pairs = zip(machine.linkages, machine.cylinders, poses.lengths.T, strict=False)
     for linkage, cylinder, length in pairs:
         least, most = cylinder.closed_length, cylinder.open_length

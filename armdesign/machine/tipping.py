@@ -14,7 +14,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.machine.file.schema import StabilitySection
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import mm
 
 

@@ -19,70 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array, ReadOnly, chunks, read_only, stacked
+from armdesign.arrays import Array, read_only, stacked
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.composite_bodies import Bodies, inertia_and_gravity, model_indices
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.parallel_joints import turning_alike
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.slews import Slews, slews_of
 from armdesign.mechanism.spring import Spring
-from armdesign.mechanism.urdf import read_urdf, rotated, turned
-from armdesign.threads import in_threads
+from armdesign.mechanism.urdf import read_urdf, rotated, turned, turning
+from armdesign.threads import in_threads, thread_chunks
 from armdesign.transaction import undisturbed
-
-
-@dataclass(frozen=True, eq=False)
-class RigidPoses(ReadOnly):
-    """Inertia, gravity and placements of the bare links, without cylinders and payload.
-
-    Over k coordinates: the nq joints of q, then springs, which stand where they rest.
-    """
-
-    q: Array  # (n, nq) [rad, m]
-    mass_matrix: Array  # (n, k, k)
-    gravity_torque: Array  # (n, k)
-    gravity_stiffness: Array  # (n, k, k), ∂g/∂q
-    rotation: Array  # (n, k, 3, 3) joint frames in the world
-    translation: Array  # (n, k, 3) [m]
-    axis: Array  # (n, k, 3) joint axes in the world
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-    def __getitem__(self, rows: Any) -> RigidPoses:
-        """The poses ``rows`` selects (slice, mask or indices)."""
-        return RigidPoses(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
-
-    def distinct(self, *joints: int) -> tuple[RigidPoses, Array | slice]:
-        """Poses with all values of some joints once, and for every pose the index of its values.
-
-        The poses themselves where few values occur twice. Worked out once for the same joints.
-        """
-        if joints not in self._distinct:
-            number = self.q[:, joints[0]]
-            for joint in joints[1:]:
-                _, before = np.unique(number, return_inverse=True)
-                values, own = np.unique(self.q[:, joint], return_inverse=True)
-                number = before * len(values) + own
-            _, first, back = np.unique(number, return_index=True, return_inverse=True)
-            few = 2 * len(first) < len(self)
-            # not the poses themselves: they would wait for the collector of cycles
-            self._distinct[joints] = (self[first], back) if few else None
-        return self._distinct[joints] or (self, slice(None))
-
-    def repeated(self, times: int) -> RigidPoses:
-        """All poses so many times, one after the other. Worked out once for the same number."""
-        if times not in self._repeated:
-            self._repeated[times] = self[np.tile(np.arange(len(self)), times)]
-        return self._repeated[times]
-
-    @cached_property
-    def _distinct(self) -> dict[tuple[int, ...], tuple[RigidPoses, Array] | None]:
-        return {}
-
-    @cached_property
-    def _repeated(self) -> dict[int, RigidPoses]:
-        return {}
 
 
 class Arm:
@@ -291,6 +238,38 @@ class Arm:
         square = np.zeros((n, k, k))
         return RigidPoses(q, square, np.zeros((n, k)), square, *self.placements(q))
 
+    def placed_alone(self, joint: int, values: Array) -> RigidPoses:
+        """Placements of a coordinate at values (n,) [rad, m] and of the one that carries it.
+
+        Those that carry both are at zero; placements of others are not filled in.
+        """
+        n, k, one = len(values), len(self.coordinates), self.coordinates[joint]
+        frames = [np.empty((k, n, *rest.shape[2:]), values.dtype) for rest in self._at_zero]
+        for frame, rest in zip(frames, self._at_zero, strict=True):
+            frame[one.parent], frame[joint] = rest[0, one.parent], rest[0, joint]
+        if one.revolute:
+            frames[0][joint] = rotated(self._turned_alone[joint], values)
+        else:
+            frames[1][joint] += values[:, None] * frames[2][joint]
+        q = np.zeros((n, len(self.joints)), values.dtype)
+        q[:, joint] = values
+        square = np.broadcast_to(0.0, (n, k, k))
+        placements = (frame.swapaxes(0, 1) for frame in frames)
+        return RigidPoses(q, square, square[:, 0], square, *placements)
+
+    @cached_property
+    def _at_zero(self) -> tuple[Array, Array, Array]:
+        """Placements where all joints are at zero (1, k, …)."""
+        return self.placements(np.zeros((1, len(self.joints))))
+
+    @cached_property
+    def _turned_alone(self) -> list[Array]:
+        """What turns each coordinate (3, 9) where those before it are at zero."""
+        return [
+            turning(joint.axis, rotation)
+            for joint, rotation in zip(self.coordinates, self._at_zero[0][0], strict=True)
+        ]
+
     def link_rotation(self, poses: RigidPoses, link: str) -> Array:
         """Orientation of a link frame in the world (n, 3, 3)."""
         body = self.links[link]
@@ -392,7 +371,7 @@ class Arm:
     def rigid_poses(self, q: Array) -> RigidPoses:
         """Inertia, gravity, its derivative and placements of the bare links at q (n, nq)."""
         self.load()
-        parts = in_threads(lambda rows: self._rigid_poses(q[rows]), chunks(len(q)))
+        parts = in_threads(lambda rows: self._rigid_poses(q[rows]), thread_chunks(len(q)))
         return stacked(parts, len(q))
 
     def _rigid_poses(self, q: Array) -> RigidPoses:

@@ -20,9 +20,10 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from armdesign.arrays import Array, side_by_side
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.urdf import turned
 from armdesign.units import GRAVITY
 

@@ -15,8 +15,6 @@ import numpy as np
 from armdesign.arrays import Array
 
 Second: TypeAlias = Array | Callable[[], Array]  # or how to compute it
-# of every coordinate the other two
-AHEAD, BEHIND = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 class Jet:
@@ -129,6 +127,11 @@ def _product(
 
 
 def cross(a: Array, b: Array, axis: int = -1) -> Array:
-    """Cross product over an axis; on small arrays several times faster than numpy's."""
-    forward = a.take(AHEAD, axis) * b.take(BEHIND, axis)
-    return np.asarray(forward - a.take(BEHIND, axis) * b.take(AHEAD, axis))
+    """Cross product over the last axis or the first; several times faster than numpy's."""
+    x, y, z = ((..., i) if axis else (i,) for i in range(3))
+    forward = a[y] * b[z] - a[z] * b[y]
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape), forward.dtype)
+    product[x] = forward
+    np.subtract(a[z] * b[x], a[x] * b[z], out=product[y])
+    np.subtract(a[x] * b[y], a[y] * b[x], out=product[z])
+    return product

@@ -12,8 +12,9 @@ import numpy as np
 from armdesign.arrays import Array, Flags
 from armdesign.errors import MachineFileError
 from armdesign.hydraulics.actuator import Cylinder
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import WORKSHOP
 
 SAMPLES = 721  # of a joint's limits, at which its range is searched

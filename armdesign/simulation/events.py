@@ -8,7 +8,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
 from armdesign.units import bar, l_per_min
 

@@ -28,8 +28,8 @@ from armdesign.machine.actuators import F, with_each
 from armdesign.machine.dead_centres import dead_centre
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, joint_positions, pose_text
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.simulation.linear_model import LinearModel, LinearModels
 from armdesign.simulation.operating_point import (
     Openings,

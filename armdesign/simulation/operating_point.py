@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array, Flags
 from armdesign.errors import SimulationError, choose
 from armdesign.machine.poses import Poses, pose_text, static_forces
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.simulation.plant import slopes
 from armdesign.simulation.plant.equilibrium import closed_pressures, refuse_overcome, rest_states
 from armdesign.simulation.plant.plant import Plant

@@ -28,7 +28,7 @@ from armdesign.viewing.meshes import Mesh, joined, of_visual, plate, tube
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
-    from armdesign.mechanism.arm import RigidPoses
+    from armdesign.mechanism.rigid_poses import RigidPoses
 
 # thickness of bodies without visuals, over the machine's size: cylinders stand out on both sides
 PLATE = 0.008

@@ -17,6 +17,7 @@ import pinocchio
 import pytest
 from numpy.testing import assert_allclose
 
+import armdesign as ad
 from armdesign import ArmDesignError
 from armdesign.mechanism.arm import Arm
 from tests.machines import BOOM, BUCKET, STICK, Joint, urdf
@@ -297,3 +298,15 @@ def test_poses_with_equal_values_of_several_joints_are_worked_out_once() -> None
     same, every = poses.distinct(0, 1)
     assert same is poses
     assert every == slice(None)
+
+
+def test_a_linkage_has_the_same_bits_whatever_other_poses_are_asked_for() -> None:
+    """Its joint is placed alone, with all that is before it at zero."""
+    machine = ad.load("excavator_20t")
+    q = ad.Workspace.grid(machine, 5).q
+    poses = machine.at(q)
+    for rows in (slice(1), slice(7, 40), np.arange(len(q))[::-1]):
+        some = machine.at(q[rows])
+        assert np.array_equal(some.lengths, poses.lengths[rows])
+        assert np.array_equal(some.moment_arms, poses.moment_arms[rows])
+        assert np.array_equal(some.moment_arm_derivatives, poses.moment_arm_derivatives[rows])

@@ -22,7 +22,7 @@ from armdesign.design.requirements.lift_share import chart_today
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.lift_chart import HYDRAULIC_SHARE
 from armdesign.machine.lifting import unloaded
-from armdesign.mechanism.arm import RigidPoses
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 HOLDING_ANGLES = 5  # of most push and pull today
 CHART_PLACES = 40  # of a lift chart, that ask for most today

@@ -23,10 +23,10 @@ from armdesign.arrays import Array
 from armdesign.design.bound.cylinder_areas import CylinderAreas
 from armdesign.design.bound.intervals import Interval, interval
 from armdesign.design.program.problem import Problem
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import sweep
 from armdesign.mechanism.linkage.base import Linkage, Pin
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import GRAVITY
 
 TINY = 1e-6  # [m]

@@ -15,9 +15,9 @@ from armdesign.design.bound.cylinder_shape import Shape
 from armdesign.design.bound.pin_triangles import TriangleBoxes
 from armdesign.design.program.gradient import STEP
 from armdesign.design.program.problem import Problem
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import sweep
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 STRAIGHT = 1e-9  # how far from plane an arm may be
 

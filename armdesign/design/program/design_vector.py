@@ -25,9 +25,9 @@ from armdesign.design.requirements.settings import Requirements
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over, sweep
 from armdesign.mechanism.linkage.base import Drive, Linkage, Move
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 PROGRAMME_POSES = 61  # over a joint range, where strokes and moment arms are constrained
 

@@ -24,8 +24,8 @@ from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import inverse_cholesky
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.poses import own_forces, static_forces
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.carried_bars import M, MomentsOf, first_of_bar, of_bar, units_of, weighed
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,6 @@ from armdesign.design.program.design_vector import DesignVector, Geometry
 from armdesign.design.program.moving_masses import InertiaAndGravity
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.carried_bars import (
     M,
     MomentsOf,
@@ -29,6 +28,7 @@ from armdesign.mechanism.carried_bars import (
     weighed_by_row,
 )
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 STEP = 1e-30  # complex step: no subtraction, so no cancellation
 

@@ -17,9 +17,10 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.carried_bars import FirstMoments, M, Moments, gravity, inertia_and_gravity
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 InertiaAndGravity: TypeAlias = tuple[Array, Array, Array]  # M, g and ∂g/∂q
 

@@ -19,9 +19,10 @@ from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import areas_of
 from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.joint_ranges import ENDED, over, sweep
 from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 if TYPE_CHECKING:
     from armdesign.design.requirements.settings import Requirements

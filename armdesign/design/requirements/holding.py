@@ -28,8 +28,8 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.out_of_reach import place_out_of_reach, pose_out_of_reach
 from armdesign.machine.poses import static_forces
 from armdesign.machine.reaching import poses_reaching
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import mm
 
 

@@ -29,9 +29,9 @@ from armdesign.hydraulics.cylinder_build import barrel_outer
 from armdesign.machine.file.polygons import CROSSED, IN_ORDER, cross, crosses_itself, edges
 from armdesign.machine.file.schema import ClearanceSection, OutlineSection
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import mm
 
 

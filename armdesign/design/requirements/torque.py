@@ -19,8 +19,8 @@ from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import shares
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.joint_ranges import over
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 DIRECTIONS = "extending", "retracting"
 

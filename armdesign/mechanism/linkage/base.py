@@ -20,8 +20,9 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, side_by_side
 from armdesign.errors import MachineFileError
-from armdesign.mechanism.arm import Arm, RigidPoses
+from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.jets import Jet, ScalarJet, VectorJet
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
 
@@ -303,7 +304,9 @@ class Linkage(Drive):
 
     def _distinct(self, poses: RigidPoses) -> tuple[RigidPoses, Array | slice]:
         """Poses at which the length differs, and for every pose which of them has its length."""
-        return poses.distinct(self.joints[0]) if len(self.joints) == 1 else (poses, slice(None))
+        if len(self.joints) != 1:
+            return poses, slice(None)
+        return poses.alone(self.joints[0], self.arm.placed_alone)
 
     def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
         """From the linkage's joints to all coordinates of the arm, and ``back`` to all poses."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.linkage.base import Linkage, Pin
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,9 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.errors import MachineFileError
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import ScalarJet, VectorJet
 from armdesign.mechanism.linkage.base import Linkage, Pin
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.linkage.base import Actuation, Drive
+from armdesign.mechanism.rigid_poses import RigidPoses
 
 
 @dataclass(frozen=True, kw_only=True)

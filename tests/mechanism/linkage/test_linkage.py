@@ -18,11 +18,11 @@ import armdesign as ad
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.program.problem import Problem
 from armdesign.exchange.cylinder_bodies import cylinder_bodies
-from armdesign.mechanism.arm import RigidPoses
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.direct import Direct
 from armdesign.mechanism.linkage.kinds import KINDS
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.simulation.plant.equilibrium import find_equilibrium
 from armdesign.simulation.plant.plant import Plant
 from tests.checks import assert_same
