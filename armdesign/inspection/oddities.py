@@ -14,7 +14,7 @@ from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
-from armdesign.machine.dead_centres import SMALL_MOMENT_ARM, dead_centre
+from armdesign.machine.dead_centres import OVERCOME, QUESTION, SMALL_MOMENT_ARM, dead_centre
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.poses import pose_text
 from armdesign.machine.tipping import centre_ahead
@@ -190,7 +190,7 @@ def _why_unstable(machine: Machine, q: Array) -> str:
     )
     whys = [f"{dead.fault}; {dead.remedy}" for dead in causes if dead]
     if None in causes:
-        gravity = "gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
+        gravity = f"{OVERCOME}; {QUESTION}"
         whys.append(f"at others {gravity}" if whys else gravity)
     return "; ".join(whys)
 

@@ -15,6 +15,8 @@ from armdesign.arrays import Array
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
 
+OVERCOME = "gravity overcomes the trapped oil"  # where no dead centre explains an unstable pose
+QUESTION = "is the bulk modulus or the payload right?"
 SMALL_MOMENT_ARM = 0.15  # of the largest over a joint's range, the other joints as they are
 SAMPLES = 91  # of that range
 

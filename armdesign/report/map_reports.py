@@ -10,6 +10,7 @@ from armdesign.errors import PoseError
 from armdesign.frequency.bands import Bands
 from armdesign.frequency.frequency_band import FrequencyBand
 from armdesign.frequency.worst_frequency import WorstPose, worst_anywhere
+from armdesign.machine.dead_centres import OVERCOME
 from armdesign.report.bands import end_names, is_assumed, widths
 from armdesign.report.contents import HeadlineNumber, Picture, Report, ReportSection
 from armdesign.report.maps import LOWEST
@@ -148,9 +149,7 @@ def _number(
 ) -> HeadlineNumber:
     worst = poses[-1]
     if worst is None or any(one is None for one in poses):
-        return HeadlineNumber(
-            name=name, value="unstable", words="gravity overcomes the trapped oil"
-        )
+        return HeadlineNumber(name=name, value="unstable", words=OVERCOME)
     values = [f"{one.frequency:.3f}" for one in poses if one]
     gain = ""
     if len(poses) == 2 and poses[0] and poses[0].frequency > 0:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from armdesign.arrays import percentiles, weighted_share
 from armdesign.errors import PoseError, SimulationError
 from armdesign.frequency.bands import Bands
+from armdesign.machine.dead_centres import OVERCOME, QUESTION
 from armdesign.report.bands import BANDS_TITLE, bands_sheet
 from armdesign.report.lift_charts import lift_charts, lift_sheet
 from armdesign.report.sheet import Sheet, limiting_note, worst_pose_text
@@ -60,9 +61,7 @@ def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
 def _frequency_and_why(worst: WorstPose) -> str:
     if worst.frequency > 0:
         return f"{worst.frequency:.3f} Hz"
-    why = "gravity overcomes the trapped oil; is the bulk modulus or the payload right?"
-    if dead := worst.dead_centre:
-        why = dead.fault
+    why = dead.fault if (dead := worst.dead_centre) else f"{OVERCOME}; {QUESTION}"
     return f"{worst.frequency:.3f} Hz: unstable, {why}"
 
 

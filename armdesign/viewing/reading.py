@@ -18,7 +18,7 @@ from armdesign.control.pose_bandwidth import PoseBandwidth, pose_bandwidth
 from armdesign.drawing.swing import Swings
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.modes import Modes, energy_shares, natural_modes
-from armdesign.machine.dead_centres import dead_centre
+from armdesign.machine.dead_centres import OVERCOME, dead_centre
 from armdesign.machine.poses import Poses, refuse_unheld
 from armdesign.units import mm
 
@@ -96,7 +96,7 @@ def reading(machine: Machine, q: Array, damping: float | None = None) -> Reading
         modes = natural_modes(poses)
         if modes.frequencies[0, 0] <= 0:
             dead = dead_centre(machine, q)
-            why = dead.fault if dead else "gravity overcomes the trapped oil"
+            why = dead.fault if dead else OVERCOME
             return Reading(**inputs, fault=f"{why}: the pose is unstable")
     except ArmDesignError as error:
         return Reading(**inputs, fault=str(error))
