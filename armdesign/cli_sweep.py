@@ -44,6 +44,7 @@ def sweep(
     from armdesign.sweeps.sweep import sweep as swept
 
     out = run.folder(study)
+    earlier = _begun(out)
     try:
         with _telling_of_earlier(out, run.quiet), run.progress("sweeping"):
             answers = swept(
@@ -62,7 +63,8 @@ def sweep(
     except KeyboardInterrupt as stop:
         if (out / JOURNAL).exists():
             kept.append(out / JOURNAL)
-            stop.args = (f"go on with: {command_line(without='--new')}",)
+            begun = _begun(out) != earlier
+            stop.args = (f"go on with: {command_line(without='--new' if begun else None)}",)
         raise
     again = [f"A worker died; done again: {name}." for name in answers.retried]
     run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})
@@ -80,6 +82,11 @@ def _telling_of_earlier(out: Path, quiet: bool) -> Iterator[None]:
     finally:
         for path in () if quiet else sorted(_set_aside(out) - before):
             tell(f"armdesign: the earlier journal is kept as {path}", sys.stderr)
+
+
+def _begun(out: Path) -> tuple[bool, int]:
+    """Whether a folder has a journal, and how many are set aside: others once one has begun."""
+    return (out / JOURNAL).exists(), len(_set_aside(out))
 
 
 def _set_aside(out: Path) -> set[Path]:

@@ -250,6 +250,25 @@ def test_an_interruption_counts_all_cases_and_drops_new_alone(
         assert words[2:] == ["--out", "o --newer", "--workers", "1"]
 
 
+def test_an_interruption_before_another_journal_has_begun_keeps_new(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from armdesign.sweeps import study_file
+
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    words = ["sweep", written(tmp_path, STUDY), "--out", "o", "--workers", "1"]
+    assert main(words, monkeypatch) == 0
+    capsys.readouterr()
+    monkeypatch.setattr(study_file, "read_study", interrupted)
+    for new in ([], ["--new"]):
+        assert main([*words, *new], monkeypatch) == 130
+        said = capsys.readouterr().err.strip()
+        assert shlex.split(said.split("go on with: armdesign ")[-1]) == [*words, *new]
+
+
 def test_the_name_of_a_journal_that_is_set_aside_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
