@@ -20,7 +20,7 @@ Part = TypeVar("Part")
 T = TypeVar("T")
 
 MOST = 4  # threads: with more, they wait for each other's Python
-LARGE_CHUNK = 30_000  # poses of each of several threads: they wait between small chunks, too
+LARGE_CHUNK = 20_000  # poses of each of several threads: they wait between small chunks, too
 _beside = 1  # of them, whatever BLAS may use
 _at_work = ContextVar("_at_work", default=False)  # whether this is one of several threads
 
