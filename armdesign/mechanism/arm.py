@@ -244,18 +244,22 @@ class Arm:
         Those that carry both are at zero; placements of others are not filled in.
         """
         n, k, one = len(values), len(self.coordinates), self.coordinates[joint]
-        frames = [np.empty((k, n, *rest.shape[2:]), values.dtype) for rest in self._at_zero]
-        for frame, rest in zip(frames, self._at_zero, strict=True):
-            frame[one.parent], frame[joint] = rest[0, one.parent], rest[0, joint]
+        rotation, translation, axis = (
+            np.broadcast_to(rest, (n, *rest.shape[1:])) for rest in self._at_zero
+        )
         if one.revolute:
-            frames[0][joint] = rotated(self._turned_alone[joint], values)
+            of_joints = np.empty((k, n, 3, 3), values.dtype)
+            if one.parent >= 0:
+                of_joints[one.parent] = rotation[:, one.parent]
+            of_joints[joint] = rotated(self._turned_alone[joint], values)
+            rotation = of_joints.swapaxes(0, 1)
         else:
-            frames[1][joint] += values[:, None] * frames[2][joint]
+            translation = translation.astype(values.dtype)
+            translation[:, joint] += values[:, None] * axis[:, joint]
         q = np.zeros((n, len(self.joints)), values.dtype)
         q[:, joint] = values
         square = np.broadcast_to(0.0, (n, k, k))
-        placements = (frame.swapaxes(0, 1) for frame in frames)
-        return RigidPoses(q, square, square[:, 0], square, *placements)
+        return RigidPoses(q, square, square[:, 0], square, rotation, translation, axis)
 
     @cached_property
     def _at_zero(self) -> tuple[Array, Array, Array]:
