@@ -20,7 +20,8 @@ Part = TypeVar("Part")
 T = TypeVar("T")
 
 MOST = 4  # threads: with more, they wait for each other's Python
-LARGE_CHUNK = 20_000  # poses of each of several threads: they wait between small chunks, too
+# poses times coordinates of each of several threads: between small chunks they wait, too
+LARGE_CHUNK = 60_000
 _beside = 1  # of them, whatever BLAS may use
 _at_work = ContextVar("_at_work", default=False)  # whether this is one of several threads
 
@@ -55,8 +56,10 @@ def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
         pool.shutdown(cancel_futures=True)
 
 
-def thread_chunks(count: int) -> Iterator[slice]:
+def thread_chunks(count: int, coordinates: int) -> Iterator[slice]:
     """Slices of ``count`` rows for ``in_threads``: chunks of one thread, large ones of several.
+
+    Of an arm of so many ``coordinates``.
 
     One slice in a thread of its own.
     """
@@ -64,7 +67,7 @@ def thread_chunks(count: int) -> Iterator[slice]:
 
     several = threads() if count > CHUNK else 1
     if several > 1:
-        return chunks(count, min(max(-(-count // several), CHUNK), LARGE_CHUNK))
+        return chunks(count, max(min(-(-count // several), LARGE_CHUNK // coordinates), CHUNK))
     return chunks(count, CHUNK if several else count)
 
 
@@ -86,6 +89,15 @@ def one_thread() -> Iterator[None]:
             yield
         finally:
             allow(before)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """A context in which BLAS has one thread: with more, libraries' searches end elsewhere."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 def threads() -> int:

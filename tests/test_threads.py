@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 import armdesign as ad
 from armdesign.errors import PoseError
@@ -108,3 +109,27 @@ def test_two_threads_give_the_gains_of_one(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(found[0].frame) > 10
     assert found[0].frame.equals(found[1].frame)
     assert found[0].gains.equals(found[1].gains)
+
+
+@pytest.mark.parametrize("name", ["excavator_20t", "crossing", "four_bar_left", "heavy_bars"])
+def test_a_pose_alone_has_the_bits_that_it_has_among_others(name: str) -> None:
+    machine = machines.named(name)
+    poses = machine.at(ad.Workspace.grid(machine, 3).q)
+    modes = ad.natural_modes(poses)
+    for i in range(0, len(poses), 5):
+        alone = machine.at(poses.q[i])
+        own = ad.natural_modes(alone)
+        for one, many in ((alone, poses), (own, modes)):
+            arrays = {k: v for k, v in vars(one).items() if isinstance(v, np.ndarray)}
+            for key, array in arrays.items():
+                assert np.array_equal(array[0], getattr(many, key)[i]), key
+
+
+def test_the_worst_pose_is_the_same_whatever_blas_has() -> None:
+    """SLSQP adds up in another order with two threads of its BLAS."""
+    worst = []
+    for count in (1, 2):
+        with threadpool_limits(count, "blas"):
+            worst.append(ad.frequency_map(machines.named("rocking")).worst)
+    assert worst[0].frequency == worst[1].frequency
+    assert np.array_equal(worst[0].q, worst[1].q)

@@ -16,6 +16,7 @@ from armdesign.calibration.prediction import Predictor, measured_loads
 from armdesign.calibration.unknowns import Unknown, varied
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
+from armdesign.threads import one_blas_thread
 
 EXACTLY, ROUGHLY = 1e-9, 1e-3  # relative tolerances of a fit, and of one for an interval
 STEP = 1e-4  # of u, for differences
@@ -115,6 +116,7 @@ class LeastSquares:
         return u
 
 
+@one_blas_thread()
 def least(problem: LeastSquares, start: Array, free: Array, tolerance: float = EXACTLY) -> Array:
     """U (k,) of the least squares over the free unknowns (k,), from a start (k,)."""
     from scipy.optimize import least_squares

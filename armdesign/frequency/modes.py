@@ -84,7 +84,10 @@ def natural_modes(poses: Poses) -> Modes:
         >>> print(modes.frequencies[:, 0].round(2))
         [ 8.77 10.77 14.25]
     """
-    parts = in_threads(lambda rows: _natural_modes(poses[rows]), thread_chunks(len(poses)))
+    parts = in_threads(
+        lambda rows: _natural_modes(poses[rows]),
+        thread_chunks(len(poses), poses.mass_matrix.shape[-1]),
+    )
     return stacked(parts, len(poses))
 
 

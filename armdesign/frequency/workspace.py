@@ -238,7 +238,10 @@ class Workspace(ReadOnly):
             links = self.machine.rigid_poses(self.q[rows]) if known is None else known[rows]
             return work(rows, links)
 
-        return in_threads(part, with_bar(thread_chunks(len(self)), len(self), what))
+        return in_threads(part, with_bar(self._thread_chunks(), len(self), what))
+
+    def _thread_chunks(self) -> Iterator[slice]:
+        return thread_chunks(len(self), len(self.machine.arm.coordinates))
 
     def holds(self, payload: LoadCase) -> Flags:
         """Whether a load case exists at each pose (n,)."""
@@ -247,7 +250,7 @@ class Workspace(ReadOnly):
         if len(self) <= KEPT:
             return self.machine.holds(self.rigid, payload)
         parts = in_threads(
-            lambda rows: self.machine.holds(self.q[rows], payload), thread_chunks(len(self))
+            lambda rows: self.machine.holds(self.q[rows], payload), self._thread_chunks()
         )
         return np.concatenate(list(parts))
 

@@ -27,6 +27,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.machine.dead_centres import DeadCentre, dead_centre
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.rigid_poses import RigidPoses
+from armdesign.threads import one_blas_thread
 
 STARTS = 4  # local searches per load case
 FAR = 1.15  # times the lowest frequency: no search from poses above ends lower (trials: 1.02)
@@ -243,6 +244,7 @@ def lowest_rows(frequency: Array) -> Array:
     return np.asarray(rows[np.argsort(frequency[rows], kind="stable")[:count]])
 
 
+@one_blas_thread()
 def _descend(case: CasePoses, start: Array) -> Array | None:
     """Local minimum of the lowest frequency (SLSQP); None if it lies outside the workspace."""
     from scipy.optimize import minimize

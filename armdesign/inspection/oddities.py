@@ -14,6 +14,7 @@ from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
+from armdesign.machine import parts
 from armdesign.machine.dead_centres import OVERCOME, QUESTION, SMALL_MOMENT_ARM, dead_centre
 from armdesign.machine.file.schema import share_of
 from armdesign.machine.poses import pose_text
@@ -205,7 +206,10 @@ def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
             one = len(joints) == 1
             frozen = f"joint {joints[0]} is" if one else f"joints {', '.join(joints)} are"
             so = "so that it moves nothing and no requirement counts for it"
-            yield f"cylinder.{name}", f"idle: {frozen} frozen, {so}"
+            (cylinder,) = parts.cylinders({name: section.cylinder[name]}, section.damped)
+            heavy = cylinder.moving_masses
+            own = ", and its masses count for nothing: give them to its links" if heavy else ""
+            yield f"cylinder.{name}", f"idle: {frozen} frozen, {so}{own}"
 
 
 def _of_stability(inspection: Inspection, units: Units) -> Iterator[Oddity]:

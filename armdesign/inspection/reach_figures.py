@@ -19,6 +19,7 @@ from armdesign.frequency.joint_grid import joint_axes, mesh
 from armdesign.frequency.reach_plane import place_and_slopes
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.threads import one_blas_thread
 
 STARTS = 4  # poses of the grid that are refined
 ACCURACY = 1e-7  # [m] to which the condition is met
@@ -81,6 +82,7 @@ class _Envelope:
         both = [place_and_slopes(m, q)[0] for m in (machine, pivoted)]
         return cls(machine, pivoted, q, np.concatenate(both, axis=1))
 
+    @one_blas_thread()
     def largest(
         self, aim: Array, zero: Array | None = None, least: Array | None = None
     ) -> float | None:

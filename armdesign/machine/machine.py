@@ -371,7 +371,7 @@ class Machine:
         """
         q = q if isinstance(q, RigidPoses) else joint_positions(self, q)
         self.arm.load()
-        slices = with_bar(thread_chunks(len(q)), len(q), "poses")
+        slices = with_bar(thread_chunks(len(q), len(self.arm.coordinates)), len(q), "poses")
         return stacked(in_threads(lambda rows: self._reachable(q[rows]), slices), len(q))
 
     def _reachable(self, q: RigidPoses | Array) -> Poses:

@@ -212,7 +212,7 @@ class Arm:
             joint = self.coordinates[index]
             if index in self._alike:
                 signs, parts = self._alike[index]
-                rotation[index] = rotated(parts, q @ signs)
+                rotation[index] = rotated(parts, (q * signs).sum(axis=1))
             elif joint.parent < 0:
                 rotation[index] = joint.turned_by(q[:, index])
             else:
@@ -375,7 +375,9 @@ class Arm:
     def rigid_poses(self, q: Array) -> RigidPoses:
         """Inertia, gravity, its derivative and placements of the bare links at q (n, nq)."""
         self.load()
-        parts = in_threads(lambda rows: self._rigid_poses(q[rows]), thread_chunks(len(q)))
+        parts = in_threads(
+            lambda rows: self._rigid_poses(q[rows]), thread_chunks(len(q), len(self.coordinates))
+        )
         return stacked(parts, len(q))
 
     def _rigid_poses(self, q: Array) -> RigidPoses:

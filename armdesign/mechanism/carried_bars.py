@@ -105,8 +105,9 @@ def _seen(
 
 def weighed(masses: Array, units: Sequence[M]) -> M:
     """Moments of bars (…, m, …) of masses (…, k) [kg] from those of a kilogram of each of k."""
-    parts = map(np.stack, zip(*units, strict=True))
-    return type(units[0])(*(np.tensordot(masses, part, axes=1) for part in parts))
+    own = np.moveaxis(masses, -1, 0)
+    parts = (map(np.multiply.outer, own, part) for part in zip(*units, strict=True))
+    return type(units[0])(*(sum(each, np.zeros(())) for each in parts))
 
 
 def weighed_by_row(masses: Array, units: Sequence[M]) -> M:

@@ -77,7 +77,9 @@ def inertia_and_gravity(
         chains: for each, those from the root to it.
         placements: rotation, translation and axis of their frames in the world (n, k, …).
     """
-    rotation, foot, axis = (_components_first(values) for values in placements)  # (k, …, n)
+    one = len(placements[0]) == 1  # of which einsum takes sums in another order than of more
+    placed = (np.repeat(values, 2, axis=0) if one else values for values in placements)
+    rotation, foot, axis = map(_components_first, placed)  # (k, …, n)
     k, _, n = foot.shape
     inertia, slope = np.zeros((2, k, k, n), foot.dtype)
     gravity, turns = np.empty((k, n), foot.dtype), [joint.revolute for joint in joints]
@@ -94,7 +96,9 @@ def inertia_and_gravity(
             inertia[i, j] = inertia[j, i] = np.einsum("an,an->n", axis[i], felt)
         if (parent := joints[j].parent) >= 0:
             carried[parent] = carried[parent].with_body(carried[j], foot[j] - foot[parent])
-    return _poses_first(inertia), _poses_first(gravity), _poses_first(slope)
+    rows = slice(1 if one else n)
+    inertia, gravity, slope = map(_poses_first, (inertia, gravity, slope))
+    return inertia[rows], gravity[rows], slope[rows]
 
 
 class _Carried(NamedTuple):

@@ -135,9 +135,10 @@ def turning(axis: Array, before: Array) -> Array:
 
 def rotated(parts: Array, angle: Array) -> Array:
     """Rotation matrices (n, 3, 3): 1 + K sin φ + K² (1 − cos φ) by angles (n,), parts (3, 9)."""
-    factors = np.empty((len(angle), 3), np.result_type(angle, float))
-    factors[:, 0], factors[:, 1], factors[:, 2] = 1.0, np.sin(angle), 1 - np.cos(angle)
-    return np.asarray(factors @ parts).reshape(-1, 3, 3)
+    n = len(angle)
+    factors = np.zeros((max(n, 2), 3), np.result_type(angle, float))  # BLAS rounds one row apart
+    factors[:n, 0], factors[:n, 1], factors[:n, 2] = 1.0, np.sin(angle), 1 - np.cos(angle)
+    return np.asarray(factors @ parts)[:n].reshape(-1, 3, 3)
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:

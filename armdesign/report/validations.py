@@ -87,10 +87,11 @@ def _note(friction: bool) -> str:
         "valve: mean opening in the sweep, which adds damping: ζ falls with it; spools are swept"
         " without overlap; remark: agrees"
         f" (within {100 * AGREES:g} %), or the cause of the deviation: amplitude (it falls with"
-        " the amplitude), leaks (they change pressures, and damp), creep (no spool position makes"
-        " up for it) or a fault; oil without air is swept under a preload, p1 + p2 = supply +"
-        " return or less where a relief would open: its frequency does not depend on pressure;"
-        " oil with air under the static pressures, as printed by check and map"
+        " the amplitude), leaks (they change pressures, and damp), damping (strong, and unlike"
+        " from mode to mode), creep (no spool position makes up for it) or a fault; oil without"
+        " air is swept under a preload, p1 + p2 = supply + return or less where a relief would"
+        " open: its frequency does not depend on pressure; oil with air under the static"
+        " pressures, as printed by check and map"
     )
     if friction:
         note += (

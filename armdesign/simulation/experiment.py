@@ -98,6 +98,11 @@ class Experiment:
         return fastest * self.duration > CREEP * self.rest.machine.supply.pressure
 
     @property
+    def leaks(self) -> bool:
+        """Whether a valve leaks, which makes other pressures at rest."""
+        return any(one.valve and one.valve.leaks for one in self.rest.machine.actuators)
+
+    @property
     def modes(self) -> int:
         """Number of modes in the band."""
         return _count(self.rest.frequencies, self.band)

@@ -64,9 +64,9 @@ class FittedMode(SweptMode):
         remark: likely cause of the deviation: "energy" if the run's energy balance does not close;
             "agrees" if it is small; "creep" if oil leaks away that no spool position makes up for;
             "leaks" if the deviation from ``frequency_at_rest`` is small, or alone lies within what
-            the fit leaves open, or alone shrinks with the amplitude; "amplitude" if the deviation
-            shrinks with the amplitude; else "fault"; "not repeated" if the other amplitude's run
-            failed.
+            the fit leaves open, or alone shrinks with the amplitude, and "damping" if nothing
+            leaks then; "amplitude" if the deviation shrinks with the amplitude; else "fault"; "not
+            repeated" if the other amplitude's run failed.
         with_friction: the same sweep of the machine with its dry friction, which no linear answer
             knows; None where it has none.
     """
@@ -114,7 +114,7 @@ class Failure(SweptMode):
 
 
 def with_remarks(
-    group: Sequence[FittedMode | Failure], creeps: bool = False
+    group: Sequence[FittedMode | Failure], creeps: bool = False, leaks: bool = True
 ) -> list[FittedMode | Failure]:
     """Full and half amplitude with remarks on their deviations, of each that does not agree.
 
@@ -122,10 +122,12 @@ def with_remarks(
         group: full and half amplitude without dry friction; then both with it, if there is any,
             which become ``with_friction``.
         creeps: oil leaks that no spool position makes up for.
+        leaks: a valve leaks; else strong damping alone makes other frequencies at rest.
     """
     smooth, rough = group[:2], group[2:] or (None, None)
     balanced = all(one.energy_error <= BALANCED for one in group if isinstance(one, FittedMode))
-    remark = _remark([one for one in smooth if isinstance(one, FittedMode)], creeps)
+    runs = [one for one in smooth if isinstance(one, FittedMode)]
+    remark = _remark(runs, creeps, "leaks" if leaks else "damping")
     said = []
     for one, other in zip(smooth, rough, strict=True):
         if isinstance(one, FittedMode):
@@ -136,8 +138,8 @@ def with_remarks(
     return said
 
 
-def _remark(runs: Sequence[FittedMode], creeps: bool) -> str:
-    """Remark on runs at full and at half amplitude."""
+def _remark(runs: Sequence[FittedMode], creeps: bool, at_rest_so: str) -> str:
+    """Remark on runs at full and at half amplitude; or what makes other frequencies at rest."""
     linear = _trend([run.deviation for run in runs])
     at_rest = _trend([run.identified_frequency / run.frequency_at_rest - 1 for run in runs])
     if linear == "agrees":
@@ -148,8 +150,8 @@ def _remark(runs: Sequence[FittedMode], creeps: bool) -> str:
         run.leaves_open(run.frequency_at_rest) and not run.leaves_open(run.linear_frequency)
         for run in runs
     ):
-        return "leaks"
-    return "leaks" if linear == "fault" and at_rest == "amplitude" else linear
+        return at_rest_so
+    return at_rest_so if linear == "fault" and at_rest == "amplitude" else linear
 
 
 def _trend(deviations: Sequence[float]) -> str:

@@ -434,5 +434,6 @@ def _swept(place: NamedPose, wanted: Wanted) -> list[FittedMode | Failure]:
             sweeps.append(group)
         else:
             results = [planned.result(next(motions)) for planned in group]
-            sweeps += with_remarks(results, group[0].experiment.creeps)
+            first = group[0].experiment
+            sweeps += with_remarks(results, first.creeps, first.leaks)
     return sweeps

@@ -200,7 +200,11 @@ def test_verdicts(worst: Validation) -> None:
     """
 
     def judged(
-        *shares: float, beside: float = 0.0, creeps: bool = False, sigma: float = 0.0
+        *shares: float,
+        beside: float = 0.0,
+        creeps: bool = False,
+        leaks: bool = True,
+        sigma: float = 0.0,
     ) -> list[str]:
         """Remarks on runs that deviate by these shares, by ``beside`` more from the frequency at
         rest, with a relative standard deviation of the fit.
@@ -213,7 +217,8 @@ def test_verdicts(worst: Validation) -> None:
         group = [
             replace(run, linear_frequency=f, frequency_at_rest=f / (1 + beside)) for f in linear
         ]
-        return [one.remark for one in with_remarks(group, creeps) if isinstance(one, FittedMode)]
+        said = with_remarks(group, creeps, leaks)
+        return [one.remark for one in said if isinstance(one, FittedMode)]
 
     assert judged(0.004, -0.002) == ["agrees"] * 2
     assert judged(0.02, 0.006) == ["amplitude"] * 2
@@ -222,6 +227,7 @@ def test_verdicts(worst: Validation) -> None:
     assert judged(0.001, 0.001, 0.3, 0.2) == ["agrees"] * 2  # the latter with dry friction
     assert judged(0.02, 0.02, 0.001, 0.001) == ["fault"] * 2
     assert judged(0.200, 0.190, beside=-0.1567) == ["leaks"] * 2
+    assert judged(0.200, 0.190, beside=-0.1567, leaks=False) == ["damping"] * 2
     assert judged(0.200, 0.200, beside=-0.1567) == ["fault"] * 2
     assert judged(0.200, 0.200, beside=-0.1567, sigma=0.005) == ["leaks"] * 2
     assert judged(0.200, 0.200, beside=-0.1567, sigma=0.1) == ["fault"] * 2

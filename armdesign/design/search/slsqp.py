@@ -14,6 +14,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.search.sequential_sdp import ACTIVE, Search
+from armdesign.threads import one_blas_thread
 
 ROUNDS = 8
 MODES = 2  # of each row that are kept above the bound: they may come to cross
@@ -51,6 +52,7 @@ def _lowest(search: Search) -> Array:
     return np.union1d(search.rows[np.argsort(squared)[:ACTIVE]], search.active(squared))
 
 
+@one_blas_thread()
 def _climbed(search: Search, rows: Array) -> Array:
     """End of SLSQP: the highest t below the lowest ω² of some rows, under all limits."""
     from scipy.optimize import minimize
