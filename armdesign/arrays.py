@@ -113,7 +113,7 @@ def product(a: Array, b: Array) -> Array:
     Sums over numbers that lie side by side, pose after pose. BLAS, one matrix after the other, is
     slower up to four rows, and as each waits for its lock, two threads take longer than one.
     """
-    if len(a) == len(b) == 1:  # of which einsum takes sums in another order than of more
+    if a.shape[:-2] == b.shape[:-2] == (1,):  # einsum adds up in another order than of more
         return product(np.repeat(a, 2, axis=0), np.repeat(b, 2, axis=0))[:1]
     left, right = components_first(a), components_first(b)
     return poses_first(np.einsum("ij...,jk...->ik...", left, right))
