@@ -59,9 +59,7 @@ def in_threads(work: Callable[[Part], T], parts: Iterable[Part]) -> Iterator[T]:
 def thread_chunks(count: int, coordinates: int) -> Iterator[slice]:
     """Slices of ``count`` rows for ``in_threads``: chunks of one thread, large ones of several.
 
-    Of an arm of so many ``coordinates``.
-
-    One slice in a thread of its own.
+    Of an arm of so many ``coordinates``; one slice where this is such a thread itself.
     """
     from armdesign.arrays import CHUNK, chunks  # not before the threads of BLAS are set
 
