@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ RANGE_TOLERANCE = {"rad": 0.01, "m": 0.005}  # by which URDF limit and stroke ma
 PITCH_REACHED = 0.02  # [rad] by which a pitch range may be wider than the workspace
 BULK_MODULUS = (400e6, 2200e6)  # [Pa] effective values that have been measured on machines
 BAND_TOLERANCE = 0.01  # of a value at the end of its band
+AHEAD, MOSTLY = math.cos(math.pi / 4), 0.5  # within 45° of where it heads; of the poses
 UNSTABLE_POSES = 50  # at most at which the cause is looked for
 NO_FREQUENCIES = "no natural frequencies"
 RODS_SAFETY = 1.0  # Euler load over the supply's thrust
@@ -52,7 +54,7 @@ def oddities(inspection: Inspection, units: Units) -> list[Finding]:
         odd += _of_joint(inspection, j, units)
     for case in machine.payloads:
         odd += _of_load_case(inspection, case.name, units)
-    odd += [*_of_idle(inspection), *_of_stability(inspection, units)]
+    odd += [*_of_idle(inspection), *_of_heading(inspection), *_of_stability(inspection, units)]
     odd += [*_of_oil_and_loads(inspection), *_of_bands(machine)]
     return [Finding(part=part, words=words) for part, words in odd]
 
@@ -210,6 +212,18 @@ def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
             heavy = cylinder.moving_masses
             own = ", and its masses count for nothing: give them to its links" if heavy else ""
             yield f"cylinder.{name}", f"idle: {frozen} frozen, {so}{own}"
+
+
+def _of_heading(inspection: Inspection) -> Iterator[Oddity]:
+    """An arm that points elsewhere than where reach is counted, at most of its poses."""
+    arm, tool, workspace = inspection.machine.arm, inspection.machine.tool, inspection.workspace
+    place = arm.point(workspace.rigid, tool.link, np.array(tool.at))
+    away = np.hypot(*(place[:, :2] - arm.slews.foot).T)
+    beside = weighted_share(arm.ahead(workspace.q, place) < AHEAD * away, workspace.weights)
+    if beside > MOSTLY:
+        where = "ahead of the root, along x, or of what slews it; turn the URDF"
+        counted = "reach, lift charts, tipping lines and the default lift share count there alone"
+        yield "tool", f"at {share_text(beside)} of the poses is not {where}: {counted}"
 
 
 def _of_stability(inspection: Inspection, units: Units) -> Iterator[Oddity]:

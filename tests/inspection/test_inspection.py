@@ -334,3 +334,10 @@ def test_where_a_moment_arm_changes_sign(rod_end: list[float], joint: str, dead:
     assert bool(words) == dead
     parts = {one.words for one in figures(machine) if one.part == f"long.{joint}"}
     assert ("largest joint speed" in parts) == dead
+
+
+def test_an_arm_that_points_backwards() -> None:
+    """Reach and tipping lines count along the root's x axis."""
+    assert "tool" not in odd({}, "paper_1dof")
+    behind = odd({"tool.at_mm": [-1000, 0, 150]}, "paper_1dof")["tool"]
+    assert behind.startswith("at 100 % of the poses is not ahead of the root, along x")
