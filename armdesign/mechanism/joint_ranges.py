@@ -19,6 +19,7 @@ from armdesign.units import WORKSHOP
 
 SAMPLES = 721  # of a joint's limits, at which its range is searched
 ENDED = 2e-3  # of its stroke: a cylinder so near to its end ends a range, beside rounded limits
+TOUCHES = 1e-9  # [m] from an end of its stroke: a cylinder that is nowhere farther inside cannot move
 DEAD_CENTRE = 1e-6  # [m/rad] moment arm below which a cylinder is at its dead centre
 Pair: TypeAlias = tuple[Linkage, Cylinder]
 
@@ -98,12 +99,12 @@ class _JointRange:
         values = self._samples()
         poses = self._at(values)
         with np.errstate(invalid="ignore"):
-            inside = self._slack(values) >= 0
+            slack = self._slack(values)
             closes = [linkage.closes(poses) for linkage, _ in self.pairs]
         self._refuse_never_closed(values, closes)
-        if not inside.any():
+        if not (slack > TOUCHES).any():
             raise self._never_in_stroke(poses)
-        first, last = _longest_run(inside, values)
+        first, last = _longest_run(slack >= 0, values)
         self._refuse_opening(values, closes, (first - 1, last + 1))
         low, high = values[first], values[last]
         if first > 0:
@@ -171,7 +172,7 @@ class _JointRange:
         for linkage, cylinder in self.pairs:
             length = linkage.length(poses)
             low, high = working_lengths(cylinder, self.end_margin)
-            if not np.any((length >= low) & (length <= high)):
+            if not np.any((length > low + TOUCHES) & (length < high - TOUCHES)):
                 fault, remedy = never_within(length, cylinder, self.end_margin)
                 fault = f'over joint "{self._name}" {fault}'
                 return self._fault(f"{cylinder.name}.stroke_mm", fault, remedy)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from armdesign.errors import MachineFileError
+from armdesign.machine.machine import Machine
+from tests import machines
 from tests.machine.file.bad_files import BARS, BOOM, BUCKET, TEXT, URDF, changed, outcome
 
 FOUR_BAR = BUCKET["four_bar"]
@@ -42,6 +47,26 @@ EDGES: list[tuple[str, str, Any, str]] = [
 )
 def test_edges(path: str, value: Any, message: str) -> None:
     assert re.search(message, outcome(changed(path, value), use="map"))
+
+
+@pytest.mark.parametrize("toward", [0, 1950, 4000])
+def test_a_range_of_one_point_is_none(toward: float) -> None:
+    """A cylinder as long, closed, as its pins are ever apart, whichever way that rounds."""
+    crane = machines.named("loader_crane")
+    text = crane.text.replace(
+        "closed_length_mm = 1950", f"closed_length_mm = {math.nextafter(1950, toward)}"
+    )
+    reverse = 'xyz="-1 0 0"'
+    urdf = re.sub(
+        r'(joint name="extension".*?<axis )xyz="1 0 0"',
+        rf"\1{reverse}",
+        crane.urdf_text,
+        flags=re.S,
+    )
+    assert text != crane.text
+    assert urdf != crane.urdf_text
+    with pytest.raises(MachineFileError, match=r"extension: its axis .* looks reversed"):
+        Machine.from_text(text, urdf, Path("x.toml"))
 
 
 @pytest.mark.parametrize("joint", ["boom", "stick", "bucket"])
