@@ -23,7 +23,6 @@ from armdesign.drawing.plane import PicturePlane, placed
 from armdesign.errors import PoseError
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import barrel_outer
-from armdesign.machine import parts
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import bar
@@ -318,9 +317,8 @@ def shown_cylinders(machine: Machine) -> Iterator[tuple[Cylinder, Linkage, bool]
     """Every cylinder of the file with its linkage, and whether it stands still."""
     for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
         yield cylinder, linkage, False
-    tables = {n: t for n, t in machine.section.cylinder.items() if n in machine.idle}
-    for cylinder in parts.cylinders(tables, machine.section.damped):
-        yield cylinder, parts.linkage(tables[cylinder.name], machine.arm), True
+    for cylinder, linkage in machine.idle_cylinders:
+        yield cylinder, linkage, True
 
 
 def _shape(

@@ -120,7 +120,9 @@ def _leaves_plane(machine: Machine, linkage: Linkage) -> bool:
 
 
 def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[CylinderBody, ...]:
-    """Bodies of all cylinders that move a joint, with the positions of their joints at q (n, nq).
+    """Bodies of all cylinders that can stand at q (n, nq), with the positions of their joints.
+
+    Idle ones too: what is frozen here may move in another program.
 
     Args:
         machine: the machine.
@@ -129,7 +131,8 @@ def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Cylin
     """
     rigid = machine.arm.kinematics(np.concatenate([q, reference[None]]))
     bodies: list[CylinderBody] = []
-    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+    idle = (pair for pair in machine.idle_cylinders if pair[1].closes(rigid).all())
+    for cylinder, linkage in (*zip(machine.cylinders, machine.linkages, strict=True), *idle):
         name = _stem(machine, cylinder.name)
         bodies += _legs(name, cylinder, linkage, rigid)
         bodies += _cylinder(machine, name, cylinder, linkage, rigid)

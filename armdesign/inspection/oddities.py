@@ -15,10 +15,9 @@ from armdesign.frequency.modes import lowest_frequency
 from armdesign.hydraulics.actuator import SIDES
 from armdesign.hydraulics.cylinder_build import euler_safety
 from armdesign.inspection.yardstick import Finding
-from armdesign.machine import parts
 from armdesign.machine.dead_centres import OVERCOME, QUESTION, SMALL_MOMENT_ARM, dead_centre
 from armdesign.machine.file.schema import share_of
-from armdesign.machine.poses import pose_text
+from armdesign.machine.poses import STROKE_TOLERANCE, pose_text
 from armdesign.machine.tipping import centre_ahead
 from armdesign.units import Units, mm, share_text
 
@@ -54,7 +53,7 @@ def oddities(inspection: Inspection, units: Units) -> list[Finding]:
         odd += _of_joint(inspection, j, units)
     for case in machine.payloads:
         odd += _of_load_case(inspection, case.name, units)
-    odd += [*_of_idle(inspection), *_of_heading(inspection), *_of_stability(inspection, units)]
+    odd += [*_of_idle(machine, units), *_of_heading(inspection), *_of_stability(inspection, units)]
     odd += [*_of_oil_and_loads(inspection), *_of_bands(machine)]
     return [Finding(part=part, words=words) for part, words in odd]
 
@@ -198,20 +197,22 @@ def _why_unstable(machine: Machine, q: Array) -> str:
     return "; ".join(whys)
 
 
-def _of_idle(inspection: Inspection) -> Iterator[Oddity]:
-    """Values that count for nothing: of joints that are coordinates, of cylinders at rest."""
-    section = inspection.machine.section
-    for name in set(section.frozen) & set(section.joints):
+def _of_idle(machine: Machine, units: Units) -> Iterator[Oddity]:
+    """Values that are not used: of joints that are coordinates, of cylinders at rest."""
+    for name in set(machine.section.frozen) & set(machine.section.joints):
         yield f"frozen.{name}", "is not used: the joint is a coordinate"
-    for name in section.cylinder:
-        if joints := inspection.machine.idle.get(name):
-            one = len(joints) == 1
-            frozen = f"joint {joints[0]} is" if one else f"joints {', '.join(joints)} are"
-            so = "so that it moves nothing and no requirement counts for it"
-            (cylinder,) = parts.cylinders({name: section.cylinder[name]}, section.damped)
-            heavy = cylinder.moving_masses
-            own = ", and its masses count for nothing: give them to its links" if heavy else ""
-            yield f"cylinder.{name}", f"idle: {frozen} frozen, {so}{own}"
+    for cylinder, linkage in machine.idle_cylinders:
+        joints, part = machine.idle[cylinder.name], f"cylinder.{cylinder.name}"
+        frozen = f"joint {joints[0]} is" if len(joints) == 1 else f"joints {', '.join(joints)} are"
+        so = "so that it moves nothing and no requirement counts for it"
+        heavy = f"; its masses are fixed to link {linkage.observer}" * bool(cylinder.moving_masses)
+        yield part, f"idle: {frozen} frozen, {so}{heavy}"
+        length, closed, open_ = linkage.idle_length(), cylinder.closed_length, cylinder.open_length
+        if np.isnan(length):
+            yield part, f"its {linkage.title} does not close where it is frozen"
+        elif not closed - STROKE_TOLERANCE <= length <= open_ + STROKE_TOLERANCE:
+            stroke = units.span(closed, open_, "m")
+            yield part, f"where it is frozen it is {units.text(length, 'm')} long, not {stroke}"
 
 
 def _of_heading(inspection: Inspection) -> Iterator[Oddity]:

@@ -55,6 +55,19 @@ def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
         if j not in driven:
             words = f'no cylinder or motor moves "{joint.name}"'
             yield MachineFileError(f"{source}: joints", words, "add one or freeze the joint")
+    yield from _of_idle(machine)
+
+
+def _of_idle(machine: Machine) -> Iterator[MachineFileError]:
+    """Idle cylinders with masses that have no place, as they do not close where they stand."""
+    for cylinder, linkage in machine.idle_cylinders:
+        if cylinder.moving_masses and not linkage.idle_length() > 0:
+            part = f"{machine.source.name}: cylinder.{cylinder.name}"
+            joints = machine.idle[cylinder.name]
+            values = (f"{name} = {machine.section.frozen.get(name, 0.0):g}" for name in joints)
+            fault = f"has masses and does not close at the frozen {', '.join(values)}"
+            words = linkage.closing_words or "its pins must not coincide"
+            yield MachineFileError(part, fault, f"freeze it elsewhere: {words}")
 
 
 def _of_springs(machine: Machine) -> Iterator[MachineFileError]:

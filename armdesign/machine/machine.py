@@ -35,7 +35,7 @@ from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
 from armdesign.mechanism.linkage.gear import Gear
-from armdesign.mechanism.point_masses import of_points, points_of_bar
+from armdesign.mechanism.point_masses import fixed_points, of_points, points_of_bars
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
@@ -55,6 +55,7 @@ class Machine:
         arm: rigid links and joints.
         cylinders: those that move a joint, in the order of the file.
         linkages: the pins of each cylinder, same order.
+        idle_cylinders: those whose joints are all frozen, each with its linkage: bodies of a link.
         motors: those whose joint is a coordinate, in the order of the file.
         springs: passive joints, coordinates after the joints, in the order of the file.
         payloads: all load cases, in the order of the file.
@@ -72,6 +73,7 @@ class Machine:
     arm: Arm
     cylinders: tuple[Cylinder, ...]
     linkages: tuple[Linkage, ...]
+    idle_cylinders: tuple[tuple[Cylinder, Linkage], ...]
     motors: tuple[Motor, ...]
     springs: tuple[Spring, ...]
     payloads: tuple[LoadCase, ...]
@@ -126,13 +128,13 @@ class Machine:
         for fault in faults:
             raise fault
         load_cases = parts.load_cases(section)
-        idle = parts.idle_cylinders(section, arm)
-        cylinders = {name: table for name, table in section.cylinder.items() if name not in idle}
+        moving, idle = parts.cylinders_with_linkages(section, arm)
         return cls(
             name=section.name,
             arm=arm,
-            cylinders=parts.cylinders(cylinders, section.damped),
-            linkages=tuple(parts.linkage(table, arm) for table in cylinders.values()),
+            cylinders=tuple(cylinder for cylinder, _ in moving),
+            linkages=tuple(linkage for _, linkage in moving),
+            idle_cylinders=idle,
             motors=parts.motors(section),
             springs=parts.springs_of(section),
             payloads=load_cases,
@@ -385,7 +387,7 @@ class Machine:
     def loaded(self, rigid: RigidPoses) -> tuple[Array, Array, Array]:
         """M, g and ∂g/∂q of links, payload at work and the masses of cylinders and four-bars.
 
-        Over all coordinates: joints, then springs.
+        Over all coordinates: joints, then springs. Bars of idle cylinders weigh where they stand.
         """
         load = self.payload
         parts = [(rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness)]
@@ -393,7 +395,8 @@ class Machine:
             at, joints = side_by_side(load.at), tuple(range(len(self.arm.coordinates)))
             motion = self.arm.motion(rigid, load.link, at, self.arm.root, joints)
             parts.append(of_points([(load.mass, motion)]))
-        for cylinder, linkage in zip(self.cylinders, self.linkages, strict=True):
+        pairs = *zip(self.cylinders, self.linkages, strict=True), *self.idle_cylinders
+        for cylinder, linkage in pairs:
             if masses := cylinder.moving_masses:
                 parts.append(of_linkage(linkage, masses, cylinder.closed_length, rigid))
         mass, gravity, slope = (sum(each[1:], each[0]) for each in zip(*parts, strict=True))
@@ -402,24 +405,28 @@ class Machine:
     @property
     def loaded_arm(self) -> LoadedArm:
         """Links, payload at work and bars: what moves in a simulation."""
-        load = self.payload
-        points = self.bar_points if self.has_bars else None
-        return LoadedArm(self.arm, load.link, load.at, load.mass, points)
+        load, fixed = self.payload, self.idle_points
+        if load.link is not None:
+            fixed = [(load.mass, load.link, np.array(load.at)), *fixed]
+        return LoadedArm(self.arm, fixed, self.bar_points if self.has_bars else None)
 
     @property
     def has_bars(self) -> bool:
-        """Whether a cylinder or four-bar has mass of its own."""
+        """Whether a cylinder or four-bar that moves has mass of its own."""
         return any(cylinder.moving_masses for cylinder in self.cylinders)
 
     def bar_points(self, rigid: RigidPoses) -> list[tuple[float, VectorJet]]:
-        """Point masses [kg] in place of barrels, rods, rockers and couplers, all slender bars."""
-        points: list[tuple[float, VectorJet]] = []
-        for cylinder, linkage in zip(self.cylinders, self.linkages, strict=True):
-            masses, length = cylinder.moving_masses, cylinder.closed_length
-            bars = linkage.bars(rigid, length, names=masses) if masses else {}
-            for name, mass in masses.items():
-                points += points_of_bar(mass, bars[name])
-        return points
+        """Point masses [kg] in place of barrels, rods, rockers and couplers, all slender bars.
+
+        Of cylinders that move; ``idle_points`` are of the others.
+        """
+        pairs = zip(self.cylinders, self.linkages, strict=True)
+        return [point for pair in pairs for point in points_of_bars(*pair, rigid)]
+
+    @cached_property
+    def idle_points(self) -> list[tuple[float, str, Array]]:
+        """Point masses [kg] in place of bars of idle cylinders, each in a link at (3,) [m]."""
+        return [point for pair in self.idle_cylinders for point in fixed_points(*pair)]
 
     @cached_property
     def spring_stiffness(self) -> Array:

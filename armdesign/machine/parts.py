@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from armdesign.hydraulics.actuator import Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid, Supply
@@ -32,6 +32,7 @@ from armdesign.mechanism.spring import Spring
 from armdesign.units import MPa, bar, cm3, deg, l_per_min, litre, mm, ms
 
 A = TypeVar("A", Cylinder, Motor)
+Pairs: TypeAlias = tuple[tuple[Cylinder, Linkage], ...]
 
 
 def load_cases(section: MachineSection) -> tuple[LoadCase, ...]:
@@ -224,6 +225,15 @@ def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
         if frozen and not own.joints:
             idle[name] = sorted(frozen, key=arm.movable_joints.index)
     return idle
+
+
+def cylinders_with_linkages(section: MachineSection, arm: Arm) -> tuple[Pairs, Pairs]:
+    """Cylinders with their linkages: those that can move, and idle ones."""
+    linkages = [linkage(table, arm) for table in section.cylinder.values()]
+    pairs = tuple(zip(cylinders(section.cylinder, section.damped), linkages, strict=True))
+    idle = idle_cylinders(section, arm)
+    moving = tuple(pair for pair in pairs if pair[0].name not in idle)
+    return moving, tuple(pair for pair in pairs if pair[0].name in idle)
 
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:

@@ -290,6 +290,11 @@ class Arm:
             return np.broadcast_to(local, (len(poses), 3))
         return poses.translation[:, body.joint] + turned(poses.rotation[:, body.joint], local)
 
+    def in_link(self, poses: RigidPoses, link: str, places: Array) -> Array:
+        """Points in the world (n, 3) as places in a link's frame (n, 3) [m]."""
+        rotation, lever = self.link_rotation(poses, link), self.point(poses, link, np.zeros(3))
+        return turned(np.swapaxes(rotation, 1, 2), places - lever)
+
     def motion(
         self, poses: RigidPoses, link: str, at: Array, seen_from: str, joints: tuple[int, ...]
     ) -> VectorJet:
@@ -411,23 +416,22 @@ class Arm:
 
 @dataclass(frozen=True, eq=False)
 class LoadedArm:
-    """An arm, a point mass [kg] on a link at [m] in its frame, and point masses for its bars."""
+    """An arm, point masses [kg] fixed to links at (3,) [m], and point masses for its bars."""
 
     arm: Arm
-    link: str | None
-    at: tuple[float, float, float]
-    mass: float
+    fixed: Sequence[tuple[float, str, Array]]
     points: Callable[[RigidPoses], list[tuple[float, VectorJet]]] | None
 
     def model(self) -> Any:
-        """Pinocchio's model of the links with the point mass; the bars are not in it."""
+        """Pinocchio's model of the links with what is fixed to them; the bars are not in it."""
         import pinocchio
 
         model = pinocchio.Model(self.arm._model)
-        body = self.arm.links[self.link] if self.link is not None else None
-        if body is not None and body.joint >= 0 and self.mass > 0:
-            lever = body.translation + body.rotation @ np.array(self.at)
-            inertia = pinocchio.Inertia(self.mass, lever, np.zeros((3, 3)))
-            index = model_indices(model, self.arm.coordinates)[body.joint]
-            model.appendBodyToJoint(index, inertia, pinocchio.SE3.Identity())
+        indices = model_indices(model, self.arm.coordinates)
+        for mass, link, at in self.fixed:
+            body = self.arm.links[link]
+            if body.joint >= 0 and mass > 0:
+                lever = body.translation + body.rotation @ at
+                inertia = pinocchio.Inertia(mass, lever, np.zeros((3, 3)))
+                model.appendBodyToJoint(indices[body.joint], inertia, pinocchio.SE3.Identity())
         return model

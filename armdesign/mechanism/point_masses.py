@@ -7,7 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from armdesign.arrays import Array, product
+from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.jets import VectorJet
+from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import GRAVITY
 
 
@@ -20,6 +23,23 @@ def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, 
         gravity = gravity + m[..., 0] * GRAVITY * p.first[:, :, 2]
         slope = slope + m * GRAVITY * p.second[:, :, :, 2]
     return inertia, gravity, slope
+
+
+def points_of_bars(
+    cylinder: Cylinder, linkage: Linkage, poses: RigidPoses
+) -> list[tuple[float, VectorJet]]:
+    """Point masses [kg] in place of a cylinder's barrel, rod, rocker and coupler."""
+    masses = cylinder.moving_masses
+    bars = linkage.bars(poses, cylinder.closed_length, names=masses) if masses else {}
+    return [point for name, mass in masses.items() for point in points_of_bar(mass, bars[name])]
+
+
+def fixed_points(cylinder: Cylinder, linkage: Linkage) -> list[tuple[float, str, Array]]:
+    """``points_of_bars`` of a cylinder that stands still, each in a link at (3,) [m]."""
+    arm, link = linkage.arm, linkage.observer
+    zero = arm.kinematics(np.zeros((1, len(arm.joints))))
+    points = points_of_bars(cylinder, linkage, zero)
+    return [(mass, link, arm.in_link(zero, link, point.value)[0]) for mass, point in points]
 
 
 def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:

@@ -72,14 +72,18 @@ def _summary(inspection: Inspection, units: Units) -> Sheet:
 
 def _masses(inspection: Inspection, units: Units) -> Sheet:
     machine, rows = inspection.machine, []
-    moving = [joint.name for joint in machine.arm.coordinates]
+
+    def carrier(link: str) -> str:
+        joint = machine.arm.links[link].joint
+        return machine.arm.coordinates[joint].name if joint >= 0 else "fixed"
+
     for link, mass in inspection.masses.items():
-        carrier = machine.arm.links[link].joint
-        carried = moving[carrier] if carrier >= 0 else "fixed"
-        rows.append((f"link {link}", units.number(mass, "kg", 1), carried))
-    for cylinder in machine.cylinders:
+        rows.append((f"link {link}", units.number(mass, "kg", 1), carrier(link)))
+    cylinders = [(cylinder, "") for cylinder in machine.cylinders]
+    cylinders += [(cylinder, carrier(k.observer)) for cylinder, k in machine.idle_cylinders]
+    for cylinder, where in cylinders:
         rows += [
-            (f"{cylinder.name} {bar}", units.number(mass, "kg", 1), "")
+            (f"{cylinder.name} {bar}", units.number(mass, "kg", 1), where)
             for bar, mass in cylinder.moving_masses.items()
         ]
     for payload in machine.payloads:
@@ -89,7 +93,7 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
             low, high = payload.limits
             where += f", pitch {units.span(low, high, 'rad')}: {held:.0f} % of the poses"
         rows.append((f"payload {payload.name}", units.number(payload.mass, "kg", 1), where))
-    bare = [c.name for c in machine.cylinders if not c.moving_masses]
+    bare = [cylinder.name for cylinder, _ in cylinders if not cylinder.moving_masses]
     note = f"no mass given for cylinder{'s' * (len(bare) > 1)} {', '.join(bare)}" * bool(bare)
     heads = ("part", "mass [kg]", "where")
     return Sheet(title="Masses", columns=heads, rows=tuple(rows), note=note)

@@ -1,5 +1,5 @@
 """A cylinder whose joints are all frozen is idle, as a motor is: the machine answers as if its
-file had none.
+file had none, but for what it weighs (``test_idle_masses``).
 """
 
 from __future__ import annotations

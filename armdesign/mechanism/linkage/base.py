@@ -219,6 +219,11 @@ class Linkage(Drive):
         span = (end - self._motion(few, self.base, self.observer, ())).value
         return np.asarray(np.sqrt(np.einsum("ni,ni->n", span, span))[back])
 
+    def idle_length(self) -> float:
+        """Length [m] of a cylinder that no joint moves; NaN where the linkage does not close."""
+        with np.errstate(invalid="ignore"):
+            return float(self.length(self.arm.kinematics(np.zeros((1, len(self.arm.joints)))))[0])
+
     def actuation(self, poses: RigidPoses) -> Actuation:
         """Length, moment arm and its derivative at the poses."""
         few, back = self._distinct(poses)

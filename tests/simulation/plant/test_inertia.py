@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio
+import pytest
 
 from armdesign import Machine
 from armdesign.arrays import Array
@@ -28,6 +29,7 @@ from armdesign.simulation.plant.kinematics import (
 from armdesign.simulation.plant.rigid_bodies import RigidBodies
 from armdesign.units import GRAVITY
 from tests import machines
+from tests.held import held
 
 # compiled functions, called from Python here alone
 _place_joints = borrowing(place_joints)
@@ -127,7 +129,7 @@ def test_bodies_that_are_in_no_plane() -> None:
     beside Pinocchio's.
     """
     arm = Arm(SKEW, ["slew", "lift", "reach"], {}, "skew.urdf")
-    loaded = LoadedArm(arm, "tip", (0.4, -0.2, 0.3), 80.0, None)
+    loaded = LoadedArm(arm, [(80.0, "tip", np.array([0.4, -0.2, 0.3]))], None)
     model, q = loaded.model(), np.array([0.4, -0.3, 0.6])
     data, speed, torque = model.createData(), np.array([0.8, -1.1, 0.5]), np.array([1e3, 2e3, 3e2])
     inertia, acceleration = terms(loaded, q, speed), np.empty(3)
@@ -137,3 +139,21 @@ def test_bodies_that_are_in_no_plane() -> None:
     inertia.torque[:] = torque
     _solve(inertia, acceleration)
     close(acceleration, pinocchio.aba(model, data, q, speed, torque), 1e-12)
+
+
+@pytest.mark.parametrize("name", ["four_bar_from_boom", "spatial", "rocking"])
+def test_idle_bars_in_motion(name: str) -> None:
+    """M and h of a machine with frozen joints are those of the joints held, compiled and not."""
+    case = held(name)
+    speed = np.linspace(-0.7, 0.9, len(case.rest))
+    wide, k = np.zeros(len(case.awake.arm.coordinates)), len(case.q)
+    wide[case.rest] = speed
+    rows = [m.arm.with_springs(q) for m, q in ((case.frozen, case.q), (case.awake, case.whole))]
+    expected = RigidBodies(case.awake.loaded_arm).resistance(rows[1], np.tile(wide, (k, 1)))
+    alike = RigidBodies(case.frozen.loaded_arm).resistance(rows[0], np.tile(speed, (k, 1)))
+    close(alike, expected[:, case.rest])
+    for q, held_q, force in zip(*rows, expected, strict=True):
+        frozen = terms(case.frozen.loaded_arm, q, speed, case.frozen)
+        awake = terms(case.awake.loaded_arm, held_q, wide, case.awake)
+        close(whole(frozen.mass), whole(awake.mass)[np.ix_(case.rest, case.rest)])
+        close(frozen.force, force[case.rest])
