@@ -113,7 +113,8 @@ def frequency_band(
     Args:
         machine: the machine.
         workspace: poses that count, and not what lies between them.
-        bands: what is not known exactly; None: the machine's file states them.
+        bands: what is not known exactly; None: the machine's file states them; where it has none,
+            structure between rigid and as soft as the oil is assumed, as in maps.
         today: the machine that this one was made from, whose structure it keeps; None: itself.
 
     Example:
@@ -125,7 +126,7 @@ def frequency_band(
         >>> print(f"{band.low.frequency:.2f} to {band.high.frequency:.2f} Hz")
         4.76 to 7.45 Hz
     """
-    return band_about(machine, workspace, bands or Bands.of(machine), today)
+    return band_about(machine, workspace, bands or Bands.shown(machine), today)
 
 
 def band_about(

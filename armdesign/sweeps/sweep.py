@@ -362,6 +362,8 @@ def _changes(
     """
     requirements = variants["requirements"]
     if not variants["sobol"]:
+        if variants["seed"]:
+            raise ArmDesignError("seed", "is of no sequence", "give sobol too, or no seed")
         chosen = all_changes(changes)
     elif isinstance(changes, Mapping):
         chosen = sobol_changes(changes, variants["sobol"], variants["seed"])
