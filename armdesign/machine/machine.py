@@ -26,6 +26,7 @@ from armdesign.machine.file import machine_file, saving, toml_writing
 from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, lines_of
+from armdesign.machine.heading import Heading, heading_of
 from armdesign.machine.links import urdf_of
 from armdesign.machine.load_case import LoadCase, case_named, case_of_mass
 from armdesign.machine.poses import Poses, joint_positions, poses_of, reachable_poses
@@ -321,6 +322,11 @@ class Machine:
         source = self.source.name
         with lines_of(self.text, source):
             return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, source)
+
+    @cached_property
+    def heading(self) -> Heading:
+        """Where the arm points: reach, and what is ahead."""
+        return heading_of(self)
 
     @cached_property
     def idle_joints(self) -> frozenset[int]:

@@ -79,5 +79,6 @@ def moving_mass(machine: Machine, rigid: RigidPoses) -> tuple[float, Array]:
     moves = [j for j in range(len(masses)) if j not in arm.slews and j not in arm.slews.rocking]
     points = [(float(masses[j]), places[:, j]) for j in moves]
     points += [(mass, motion.value) for mass, motion in machine.bar_points(rigid)]
-    moment = sum((m * arm.ahead(rigid.q, at) for m, at in points), np.zeros(len(rigid)))
+    ahead = machine.heading.ahead
+    moment = sum((m * ahead(rigid.q, at) for m, at in points), np.zeros(len(rigid)))
     return sum(m for m, _ in points), moment
