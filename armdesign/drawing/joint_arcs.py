@@ -15,7 +15,8 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.drawing.outlines import DrawnBody
 from armdesign.drawing.plane import PicturePlane
-from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.errors import ArmDesignError
+from armdesign.machine.heading import known_ranges
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -52,7 +53,7 @@ def joint_arcs(
     """Arcs of all joints of poses that move in the picture."""
     arm, arcs = machine.arm, []
     for j, (joint, (lower, upper)) in enumerate(
-        zip(arm.joints, drawn_ranges(machine).tolist(), strict=True)
+        zip(arm.joints, known_ranges(machine).tolist(), strict=True)
     ):
         if not in_picture(machine, plane, j):
             continue
@@ -84,14 +85,6 @@ def in_picture(machine: Machine, plane: PicturePlane, j: int) -> bool:
     return j not in machine.arm.slewing and (across >= VISIBLE) == hinge
 
 
-def drawn_ranges(machine: Machine) -> Array:
-    """Joint ranges (nq, 2) [rad, m]; the URDF's limits of a machine that cannot be assembled."""
-    try:
-        return machine.ranges
-    except MachineFileError:
-        return machine.arm.limits
-
-
 def refuse_other_joints(machine: Machine, other: Machine) -> None:
     """Refuse a machine that cannot take the poses of another.
 
@@ -105,7 +98,7 @@ def refuse_other_joints(machine: Machine, other: Machine) -> None:
 
 def middle_pose(machine: Machine) -> Array:
     """The middle of all joint ranges (nq,) [rad, m]."""
-    return np.asarray(drawn_ranges(machine).mean(axis=1))
+    return np.asarray(known_ranges(machine).mean(axis=1))
 
 
 def _mark(machine: Machine, plane: PicturePlane, j: int, link: str) -> Array:

@@ -56,7 +56,7 @@ class DrawnBody:
 def bodies(machine: Machine) -> tuple[DrawnBody, ...]:
     """Bodies of a machine: the one that stands still, then of each coordinate (k + 1)."""
     arm, folder = machine.arm, (machine.source.parent / (machine.section.urdf or "")).parent
-    of_links, plane = visuals(machine.urdf_text, folder), PicturePlane(arm, machine.tool.link)
+    of_links, plane = visuals(machine.urdf_text, folder), PicturePlane(machine.heading)
     groups = [
         tuple(name for name, link in arm.links.items() if link.joint == joint)
         for joint in range(-1, len(arm.coordinates))

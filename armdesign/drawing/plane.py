@@ -1,4 +1,4 @@
-"""The plane of a side view: vertical, along the direction in which the arm moves.
+"""The plane of a side view: vertical, along the direction in which the arm points.
 
 Slewing is left out: the observer turns with the arm, and what stands still is seen as without
 slewing. Each link is a plate: points of its frame are told by two axes of it, which a 2×3 matrix
@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.machine.heading import Heading
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.rigid_poses import RigidPoses
 
-LEVEL = 0.5  # largest vertical part of the axis of a joint that moves in a vertical plane
 SQUARE = 0.999  # least part across the picture of an axis that is drawn as it is
 
 
@@ -26,12 +26,15 @@ class PicturePlane:
     """The picture of an arm: forward to the right, up upwards.
 
     Attributes:
-        arm: the arm.
-        tool_link: link that the picture should show in front of its root.
+        heading: where the arm points: there is forward.
     """
 
-    arm: Arm
-    tool_link: str
+    heading: Heading
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.heading.arm
 
     def poses(self, q: Array) -> RigidPoses:
         """Placements at q (n, nq), or with springs (n, k), without slewing."""
@@ -47,32 +50,13 @@ class PicturePlane:
     @cached_property
     def axes(self) -> Array:
         """Directions in the world (2, 3): forward and up."""
-        return np.array([self._forward(), [0.0, 0.0, 1.0]])
+        ((x, y),) = self.heading.at(np.zeros((1, len(self.arm.joints))))
+        return np.array([[x, y, 0.0], [0.0, 0.0, 1.0]])
 
     @cached_property
     def across(self) -> Array:
         """Direction in the world (3,), out of the picture to its back: a hinge's axis."""
         return np.cross(self.axes[1], self.axes[0])
-
-    def _forward(self) -> Array:
-        """The level direction square to most level hinges; else along a slide; else x."""
-        arm, up = self.arm, np.array([0.0, 0.0, 1.0])
-        hinges, slides = list[Array](), list[Array]()
-        for joint, axis in zip(arm.coordinates, self.zero.axis[0], strict=True):
-            level = np.hypot(*axis[:2])
-            if level > 1 - LEVEL:
-                flat = np.array([*axis[:2], 0.0]) / level
-                (hinges if joint.revolute else slides).append(flat)
-        alike = [sum(abs(float(one @ other)) for other in hinges) for one in hinges]
-        forward = np.array([1.0, 0.0, 0.0])
-        if hinges:
-            forward = np.cross(up, hinges[int(np.argmax(np.round(alike, 6)))])
-        elif slides:
-            forward = slides[0]
-        ahead = float(forward[0])
-        if abs(ahead) < 1e-6:
-            ahead = float(forward @ arm.point(self.zero, self.tool_link, np.zeros(3))[0])
-        return -forward if ahead < 0 else forward
 
     def project(self, points: Array) -> Array:
         """Points in the world (…, 3) as places in the picture (…, 2) [m]."""

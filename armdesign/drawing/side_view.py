@@ -231,7 +231,7 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
         PoseError: q has another number of columns, or is not finite.
     """
     z, arm = _coordinates(machine, q), machine.arm
-    plane = PicturePlane(arm, machine.tool.link)
+    plane = PicturePlane(machine.heading)
     poses = plane.poses(z)
     drawn_bodies = known.bodies if known is not None else bodies(machine)
     where = {link: index for index, body in enumerate(drawn_bodies) for link in body.links}

@@ -85,7 +85,7 @@ class Swings:
     @cached_property
     def _plates(self) -> list[tuple[str, Array, Array]]:
         """Axes (2, 3) of each moving body's plate, and the corners (m, 2) of its outlines' box."""
-        plane = PicturePlane(self.machine.arm, self.machine.tool.link)
+        plane = PicturePlane(self.machine.heading)
         boxes = list[tuple[str, Array, Array]]()
         for body in self.bodies[1:]:
             if body.polygons:
@@ -119,7 +119,7 @@ class PictureJoints(ReadOnly):
 def picture_joints(machine: Machine, q: Array) -> PictureJoints:
     """The joints of a machine's picture at q (n, nq) [rad, m]."""
     arm = machine.arm
-    plane = PicturePlane(arm, machine.tool.link)
+    plane = PicturePlane(machine.heading)
     poses = plane.poses(q)
     hinges = np.array([joint.revolute for joint in arm.coordinates])
     turns = np.where(hinges, -poses.axis @ plane.across, 1.0)

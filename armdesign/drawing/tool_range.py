@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.drawing.joint_arcs import drawn_ranges, in_picture
+from armdesign.drawing.joint_arcs import in_picture
 from armdesign.drawing.outlines import area_between, lines_of, simplified
 from armdesign.drawing.plane import PicturePlane, placed
+from armdesign.machine.heading import known_ranges
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -31,11 +32,11 @@ def tool_range(machine: Machine) -> tuple[Array, ...]:
 
     With one joint the way of the tool; with none that moves in the picture its place.
     """
-    arm, plane = machine.arm, PicturePlane(machine.arm, machine.tool.link)
+    arm, plane = machine.arm, PicturePlane(machine.heading)
     at = plane.project(arm.point(plane.zero, machine.tool.link, np.array(machine.tool.at)))
     size = max(float(np.abs(at).max()), 1e-3)
     lines, area = [at], None
-    ranges = drawn_ranges(machine)
+    ranges = known_ranges(machine)
     for j in reversed(arm.chain(machine.tool.link)):
         if j >= len(arm.joints) or not in_picture(machine, plane, j):
             continue

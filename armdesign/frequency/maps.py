@@ -204,7 +204,8 @@ class FrequencyMap(ReadOnly):
                 would leave gaps.
         """
         tool = np.stack([self.columns[f"tool_{axis}_m"] for axis in "xyz"], axis=1)
-        points = np.stack([self.machine.arm.reach(self.q, tool), tool[:, 2], self.lowest], axis=1)
+        reach = self.machine.heading.reach(self.q, tool)
+        points = np.stack([reach, tool[:, 2], self.lowest], axis=1)
         return reach_map(list(load_cases(self.machine, self.workspace)), points, cells)
 
     def plot(self, ax: Axes | None = None, plane: str = "joints", **limits: float) -> Axes:

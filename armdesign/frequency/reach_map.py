@@ -346,7 +346,7 @@ def _computed(case: Machine, q: Array) -> Array:
     parts = [np.empty((0, 3))]
     for rows in chunks(len(q)) if len(q) else ():
         poses = case.evaluate(case.rigid_poses(q[rows]))
-        places = case.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+        places = case.heading.reach(poses.q, poses.tool), poses.tool[:, 2]
         frequency = np.full(len(poses.q), np.nan)
         stiff = np.isfinite(poses.stiffness_matrix).all(axis=(1, 2))
         if not stiff.all():

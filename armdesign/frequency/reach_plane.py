@@ -91,7 +91,7 @@ def reach_and_height(machine: Machine, q: Array) -> Array:
 def places(machine: Machine, rigid: RigidPoses) -> Array:
     """Reach and height of the tool (n, 2) [m] at poses with known kinematics."""
     tool = machine.arm.point(rigid, machine.tool.link, np.array(machine.tool.at))
-    return np.stack([machine.arm.reach(rigid.q, tool), tool[:, 2]], axis=1)
+    return np.stack([machine.heading.reach(rigid.q, tool), tool[:, 2]], axis=1)
 
 
 def _postures(axes: Axes, q: Array, cell: Array) -> tuple[Array, Array]:

@@ -89,7 +89,7 @@ class Inspection:
         """Reach (forward positive) and height of the tool (n, 2) [m] in the root link's frame."""
         machine = self.machine
         at = machine.arm.point(self.workspace.rigid, machine.tool.link, np.array(machine.tool.at))
-        return np.stack([machine.arm.reach(self.workspace.q, at), at[:, 2]], axis=1)
+        return np.stack([machine.heading.reach(self.workspace.q, at), at[:, 2]], axis=1)
 
     def ended_by(self, joint: int, end: int) -> str:
         """End of a joint's range below (0) or above (1) in words: a stroke, the URDF, one turn."""

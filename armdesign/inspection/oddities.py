@@ -33,6 +33,7 @@ PITCH_REACHED = 0.02  # [rad] by which a pitch range may be wider than the works
 BULK_MODULUS = (400e6, 2200e6)  # [Pa] effective values that have been measured on machines
 BAND_TOLERANCE = 0.01  # of a value at the end of its band
 AHEAD, MOSTLY = math.cos(math.pi / 4), 0.5  # within 45° of where it heads; of the poses
+SQUARE = 0.999  # least part along y of its pins' links of the axis of a cylinder's hinge
 UNSTABLE_POSES = 50  # at most at which the cause is looked for
 NO_FREQUENCIES = "no natural frequencies"
 RODS_SAFETY = 1.0  # Euler load over the supply's thrust
@@ -48,7 +49,7 @@ def oddities(inspection: Inspection, units: Units) -> list[Finding]:
     machine = inspection.machine
     odd: list[Oddity] = []
     for i in range(len(machine.cylinders)):
-        odd += _of_cylinder(inspection, i, units)
+        odd += [*_of_cylinder(inspection, i, units), *_of_pins(machine, i)]
     for j in range(len(machine.joints)):
         odd += _of_joint(inspection, j, units)
     for case in machine.payloads:
@@ -92,6 +93,21 @@ def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddit
         spring = "the spring is infinitely stiff at the end of the stroke"
         words = f"0: ports and lines hold oil, and without it {spring}"
         yield f"{part}.dead_volume_l.{side}", words
+
+
+def _of_pins(machine: Machine, i: int) -> Iterator[Oddity]:
+    """Pins of a cylinder whose links are turned, so that x and z are not in the hinge's plane."""
+    arm, linkage = machine.arm, machine.linkages[i]
+    zero = arm.kinematics(np.zeros((1, len(machine.joints))))
+    axes = [zero.axis[0, j] for j in linkage.joints if arm.coordinates[j].revolute]
+    if not axes:
+        return
+    links = dict.fromkeys(pin.link for pin in linkage.pins)
+    across = {link: arm.link_rotation(zero, link)[0][:, 1] for link in links}
+    if turned := [link for link in links if abs(float(across[link] @ axes[0])) < SQUARE]:
+        words = "designs and tolerances move pins along x and z of their link; those on"
+        out = f"{', '.join(turned)} leave the plane in which the cylinder turns its joint"
+        yield f"cylinder.{machine.cylinders[i].name}", f"{words} {out}"
 
 
 def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
@@ -216,15 +232,19 @@ def _of_idle(machine: Machine, units: Units) -> Iterator[Oddity]:
 
 
 def _of_heading(inspection: Inspection) -> Iterator[Oddity]:
-    """An arm that points elsewhere than where reach is counted, at most of its poses."""
-    arm, tool, workspace = inspection.machine.arm, inspection.machine.tool, inspection.workspace
-    place = arm.point(workspace.rigid, tool.link, np.array(tool.at))
-    away = np.hypot(*(place[:, :2] - arm.slews.foot).T)
-    beside = weighted_share(arm.ahead(workspace.q, place) < AHEAD * away, workspace.weights)
-    if beside > MOSTLY:
-        where = "ahead of the root, along x, or of what slews it; turn the URDF"
+    """A tool that is not where its arm points, at most of its poses: beside it, or behind."""
+    machine, workspace = inspection.machine, inspection.workspace
+    place = machine.arm.point(workspace.rigid, machine.tool.link, np.array(machine.tool.at))
+    points, beside = machine.heading.at(workspace.q), np.zeros(len(place), bool)
+    for axis in (machine.arm.slews.foot, np.zeros(2)):
+        lever = place[:, :2] - axis
+        beside |= np.einsum("ni,ni->n", lever, points) < AHEAD * np.hypot(*lever.T)
+    if (share := weighted_share(beside, workspace.weights)) > MOSTLY:
+        where = (
+            "ahead of the slew axis and of the root's z axis, within 45° of where the arm points"
+        )
         counted = "reach, lift charts, tipping lines and the default lift share count there alone"
-        yield "tool", f"at {share_text(beside)} of the poses is not {where}: {counted}"
+        yield "tool", f"at {share_text(share)} of the poses is not {where}: {counted}"
 
 
 def _of_stability(inspection: Inspection, units: Units) -> Iterator[Oddity]:
@@ -233,6 +253,12 @@ def _of_stability(inspection: Inspection, units: Units) -> Iterator[Oddity]:
     centre = centre_ahead(machine, inspection.workspace.rigid)
     if stability is None or centre is None:
         return
+    x, y, _ = machine.heading.forward
+    if y and stability.at_mm[1]:
+        angle = units.text(math.atan2(y, x), "rad")
+        where = f"where the arm points, {angle} from the root's x axis"
+        words = f"counts ahead of the slew axis alone, {where}; what lies aside is left out"
+        yield "stability.at_mm", words
     front, rear = stability.front_mm, stability.rear_mm
     lines = (("front", front, "ahead of", 1), ("rear", rear, "behind", -1))
     for edge, line, where, side in lines:

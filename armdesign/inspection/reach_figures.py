@@ -8,16 +8,16 @@ of a grid are refined by SLSQP with exact slopes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.frequency.joint_grid import joint_axes, mesh
-from armdesign.frequency.reach_plane import place_and_slopes
 from armdesign.local_search import Conditions, local_minimum, with_slopes
 from armdesign.machine.machine import Machine
+from armdesign.machine.reaching import place_and_slopes
 from armdesign.mechanism.linkage.base import Pin
 
 STARTS = 4  # poses of the grid that are refined
@@ -69,17 +69,14 @@ class _Envelope:
     """Places (n, 4) of tool and pivot at poses (n, nq), from which a largest value is sought."""
 
     machine: Machine
-    pivoted: Machine  # its tool is the pivot
     q: Array
     places: Array
 
     @classmethod
     def of(cls, machine: Machine) -> _Envelope:
-        pivoted = replace(machine, tool=_pivot(machine))
         q = mesh(joint_axes(machine, None, 0.0))
         q = q[machine.margins(q).min(axis=1) >= -1e-9] if _coupled(machine) else q
-        both = [place_and_slopes(m, q)[0] for m in (machine, pivoted)]
-        return cls(machine, pivoted, q, np.concatenate(both, axis=1))
+        return cls(machine, q, _places(machine, q)[0])
 
     def largest(
         self, aim: Array, zero: Array | None = None, least: Array | None = None
@@ -124,13 +121,20 @@ class _Envelope:
                 yield float(places @ aim)
 
     def _at(self, q: Array) -> tuple[Array, Array]:
-        both = [place_and_slopes(m, q[None]) for m in (self.machine, self.pivoted)]
-        places, slopes = zip(*both, strict=True)
-        return np.concatenate(places, axis=1)[0], np.concatenate(slopes, axis=1)[0]
+        places, slopes = _places(self.machine, q[None])
+        return places[0], slopes[0]
 
     def _finite(self, q: Array) -> Array:
         """The margins, 1 for a motor, which has no ends, and -1 where a four-bar is open."""
         return np.nan_to_num(self.machine.margins(q), posinf=1.0, neginf=-1.0)
+
+
+def _places(machine: Machine, q: Array) -> tuple[Array, Array]:
+    """Places of tool and pivot (n, 4) [m], and their slopes by the joints (n, 4, nq)."""
+    joints = tuple(range(q.shape[1]))
+    both = [place_and_slopes(machine, at, joints, q) for at in (machine.tool, _pivot(machine))]
+    places, slopes = zip(*both, strict=True)
+    return np.concatenate(places, axis=1), np.concatenate(slopes, axis=1)
 
 
 def _coupled(machine: Machine) -> bool:

@@ -152,7 +152,7 @@ def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
     poses = chart_poses(machine, like)
     masses = liftable_masses(machine, poses.rigid, poses.torque, HYDRAULIC_SHARE)
     at = machine.arm.point(poses.rigid, poses.point.link, np.array(poses.point.at))
-    ahead = machine.arm.ahead(poses.rigid.q, at)
+    ahead = machine.heading.ahead(poses.rigid.q, at)
     tipping = TIPPING_SHARE * tipping_masses(machine, poses.rigid, ahead)
     least = np.minimum(masses.min(axis=1), tipping)
     best = poses.best(least)

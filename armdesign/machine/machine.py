@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -22,20 +22,20 @@ from armdesign.hydraulics.actuator import Actuator, Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.machine import from_urdf, parts
 from armdesign.machine.assembly_faults import assembly_faults
+from armdesign.machine.carried_masses import bar_points, loaded
 from armdesign.machine.file import machine_file, saving, toml_writing
 from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, lines_of
+from armdesign.machine.heading import Heading, heading_of
 from armdesign.machine.links import urdf_of
 from armdesign.machine.load_case import LoadCase, case_named, case_of_mass
 from armdesign.machine.poses import Poses, joint_positions, poses_of, reachable_poses
 from armdesign.mechanism.arm import Arm, LoadedArm
-from armdesign.mechanism.carried_bars import of_linkage
-from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.joint_ranges import joint_ranges
 from armdesign.mechanism.linkage.base import Drive, Linkage, Pin
 from armdesign.mechanism.linkage.gear import Gear
-from armdesign.mechanism.point_masses import fixed_points, of_points, points_of_bars
+from armdesign.mechanism.point_masses import fixed_points
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.spring import Spring
 from armdesign.progress import with_bar
@@ -325,6 +325,11 @@ class Machine:
             return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, source)
 
     @cached_property
+    def heading(self) -> Heading:
+        """Where the arm points: reach, and what is ahead."""
+        return heading_of(self)
+
+    @cached_property
     def idle_joints(self) -> frozenset[int]:
         """Joints whose position changes no frequency."""
         return self.arm.without_effect({j for k in self.linkages for j in k.joints})
@@ -389,18 +394,7 @@ class Machine:
 
         Over all coordinates: joints, then springs. Bars of idle cylinders weigh where they stand.
         """
-        load = self.payload
-        parts = [(rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness)]
-        if np.any(load.mass != 0) and load.link is not None:
-            at, joints = side_by_side(load.at), tuple(range(len(self.arm.coordinates)))
-            motion = self.arm.motion(rigid, load.link, at, self.arm.root, joints)
-            parts.append(of_points([(load.mass, motion)]))
-        pairs = *zip(self.cylinders, self.linkages, strict=True), *self.idle_cylinders
-        for cylinder, linkage in pairs:
-            if masses := cylinder.moving_masses:
-                parts.append(of_linkage(linkage, masses, cylinder.closed_length, rigid))
-        mass, gravity, slope = (sum(each[1:], each[0]) for each in zip(*parts, strict=True))
-        return mass, gravity, slope
+        return loaded(self, rigid)
 
     @property
     def loaded_arm(self) -> LoadedArm:
@@ -408,20 +402,12 @@ class Machine:
         load, fixed = self.payload, self.idle_points
         if load.link is not None:
             fixed = [(load.mass, load.link, np.array(load.at)), *fixed]
-        return LoadedArm(self.arm, fixed, self.bar_points if self.has_bars else None)
+        return LoadedArm(self.arm, fixed, partial(bar_points, self) if self.has_bars else None)
 
     @property
     def has_bars(self) -> bool:
         """Whether a cylinder or four-bar that moves has mass of its own."""
         return any(cylinder.moving_masses for cylinder in self.cylinders)
-
-    def bar_points(self, rigid: RigidPoses) -> list[tuple[float, VectorJet]]:
-        """Point masses [kg] in place of barrels, rods, rockers and couplers, all slender bars.
-
-        Of cylinders that move; ``idle_points`` are of the others.
-        """
-        pairs = zip(self.cylinders, self.linkages, strict=True)
-        return [point for pair in pairs for point in points_of_bars(*pair, rigid)]
 
     @cached_property
     def idle_points(self) -> list[tuple[float, str, Array]]:

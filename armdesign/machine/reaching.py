@@ -76,7 +76,7 @@ def place_and_slopes(
     arm, at, parts = machine.arm, np.array(point.at), []
     for rows in chunks(len(q)):
         motion = arm.motion(arm.kinematics(q[rows]), point.link, at, arm.root, joints)
-        parts.append(arm.reach_and_height(q[rows], motion))
+        parts.append(machine.heading.reach_and_height(q[rows], motion))
     places, slopes = zip(*parts, strict=True)
     return np.concatenate(places), np.concatenate(slopes)
 

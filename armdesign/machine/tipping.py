@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.machine.carried_masses import bar_points
 from armdesign.machine.file.schema import StabilitySection
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.rigid_poses import RigidPoses
@@ -78,11 +79,12 @@ def moving_mass(machine: Machine, rigid: RigidPoses) -> tuple[float, Array]:
     masses, places = arm.bodies(rigid)
     moves = [j for j in range(len(masses)) if j not in arm.slews and j not in arm.slews.rocking]
     points = [(float(masses[j]), places[:, j]) for j in moves]
-    points += [(mass, motion.value) for mass, motion in machine.bar_points(rigid)]
+    points += [(mass, motion.value) for mass, motion in bar_points(machine, rigid)]
     points += [
         (mass, arm.point(rigid, link, at))
         for mass, link, at in machine.idle_points
         if arm.links[link].joint in moves
     ]
-    moment = sum((m * arm.ahead(rigid.q, at) for m, at in points), np.zeros(len(rigid)))
+    ahead = machine.heading.ahead
+    moment = sum((m * ahead(rigid.q, at) for m, at in points), np.zeros(len(rigid)))
     return sum(m for m, _ in points), moment

@@ -158,27 +158,6 @@ class Arm:
             and np.all(np.hypot(*(feet[:k] - feet[k]).T) < 1e-9)
         )
 
-    def heading(self, q: Array) -> Array:
-        """Horizontal direction (n, 2) that slewing has turned the root's x axis to."""
-        return self.slews.heading(self.with_springs(q))
-
-    def ahead(self, q: Array, place: Array) -> Array:
-        """Level distance of places (n, 3) from the slew axis on the ground, where it heads [m]."""
-        return np.einsum("ni,ni->n", place[:, :2] - self.slews.foot, self.heading(q))
-
-    def reach(self, q: Array, place: Array) -> Array:
-        """Horizontal distance of places (n, 3) from the root's z axis [m]; negative behind it."""
-        ahead = np.einsum("ni,ni->n", place[:, :2], self.heading(q))
-        return np.asarray(np.copysign(np.hypot(place[:, 0], place[:, 1]), ahead))
-
-    def reach_and_height(self, q: Array, place: VectorJet) -> tuple[Array, Array]:
-        """Reach and height (n, 2) [m] of places seen from the root, and ∂/∂q of both (n, 2, k)."""
-        radius = self.reach(q, place.value)
-        outward = place.value[:, :2] / np.where(radius == 0, np.inf, radius)[:, None]
-        ahead = (place.first[:, :, :2] @ outward[:, :, None])[..., 0]
-        slopes = np.stack([ahead, place.first[:, :, 2]], axis=1)
-        return np.stack([radius, place.value[:, 2]], axis=1), slopes
-
     def path(self, start: str, end: str) -> tuple[tuple[int, int], ...]:
         """Joints on the way from one link to another, with their sign as seen from ``start``."""
         if (start, end) not in self._paths:

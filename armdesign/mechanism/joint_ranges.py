@@ -20,9 +20,7 @@ from armdesign.units import WORKSHOP
 
 SAMPLES = 721  # of a joint's limits, at which its range is searched
 ENDED = 2e-3  # of its stroke: a cylinder so near to its end ends a range, beside rounded limits
-TOUCHES = (
-    1e-9  # [m] from an end of its stroke: a cylinder that is nowhere farther inside cannot move
-)
+TOUCHES = 1e-9  # [m] from an end of its stroke: a cylinder nowhere farther inside cannot move
 NEAR = 1e-14  # [rad, m] of each other, ends between which a range ends
 DEAD_CENTRE = 1e-6  # [m/rad] moment arm below which a cylinder is at its dead centre
 Pair: TypeAlias = tuple[Linkage, Cylinder]

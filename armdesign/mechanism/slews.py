@@ -50,12 +50,25 @@ class Slews(ReadOnly):
             signs[index] = float(axis[2])
         return signs
 
+    def __bool__(self) -> bool:
+        """Whether there is a slew, be it frozen."""
+        return self._next_to_root is not None
+
     @cached_property
     def _next_to_root(self) -> tuple[Array, Array] | None:
         """Direction and a point of the axis next to the root (3,); None without slews."""
         lines = [(one.axis, one.place) for one in self.frozen]
         lines += [(axis, self.places[index]) for index, axis in self.axes.items()]
         return lines[0] if lines else None
+
+    @cached_property
+    @read_only
+    def axis(self) -> Array:
+        """Upward direction (3,) of the axis next to the root; the vertical without slews."""
+        if self._next_to_root is None:
+            return np.array([0.0, 0.0, 1.0])
+        axis, _ = self._next_to_root
+        return np.asarray(np.copysign(1.0, axis[2]) * axis)
 
     @cached_property
     @read_only
@@ -66,18 +79,12 @@ class Slews(ReadOnly):
         axis, at = self._next_to_root
         return np.asarray((at - at[2] / axis[2] * axis)[:2])
 
-    def heading(self, z: Array) -> Array:
-        """Horizontal direction (n, 2) to which they turn the root's x axis, at all coordinates."""
-        forward = np.array([1.0, 0.0, 0.0])
-        if self._next_to_root is not None:
-            axis, _ = self._next_to_root
-            forward = forward - axis[0] * axis
-        for one in self.frozen:
-            forward = turned(rotations(one.axis, np.array([one.at])), forward)[0]
-        ahead = np.broadcast_to(forward, (len(z), 3))
+    def turned(self, direction: Array, z: Array) -> Array:
+        """A direction (3,) that they turn, at all coordinates z (n, k): (n, 3)."""
+        there = np.broadcast_to(direction, (len(z), 3))
         for index, axis in reversed(list(self.axes.items())):
-            ahead = turned(rotations(axis, z[:, index]), ahead)
-        return np.asarray(ahead[:, :2] / np.linalg.norm(ahead[:, :2], axis=1, keepdims=True))
+            there = turned(rotations(axis, z[:, index]), there)
+        return there
 
 
 def is_upright(joint: Joint | Frozen, axis: Array) -> bool:

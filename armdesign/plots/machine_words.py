@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
-from armdesign.drawing.joint_arcs import drawn_ranges
 from armdesign.drawing.side_view import SideView
+from armdesign.machine.heading import known_ranges
 from armdesign.machine.poses import pose_text
 from armdesign.plots.canvas import INK, MARK, below
 from armdesign.plots.labels import Label
@@ -65,7 +65,7 @@ def joint_labels(machine: Machine, view: SideView) -> list[Label]:
     lines = {arc.joint: line for arc, line in zip(view.arcs, view.arc_lines(), strict=True)}
     labels = []
     for index, (joint, span) in enumerate(
-        zip(machine.arm.joints, drawn_ranges(machine), strict=True)
+        zip(machine.arm.joints, known_ranges(machine), strict=True)
     ):
         low, high = WORKSHOP.number(span[0], joint.unit), WORKSHOP.text(span[1], joint.unit)
         line = lines.get(joint.name)
@@ -82,7 +82,7 @@ def ends(machine: Machine, view: SideView) -> list[Label]:
     """Labels of the tool, with its reach and height, and of loads."""
     arm, z = machine.arm, view.coordinates[:1]
     tool = arm.point(arm.kinematics(z), machine.tool.link, np.array(machine.tool.at))
-    reach, height = float(arm.reach(z, tool)[0]), tool[0, 2]
+    reach, height = float(machine.heading.reach(z, tool)[0]), tool[0, 2]
     there = {
         name: bool(np.hypot(*(places[0] - view.tool[0])) < 1e-3)
         for name, places in view.loads.items()

@@ -265,7 +265,8 @@ def silhouette(ax: Axes, machine: Machine, worst: WorstPose) -> None:
     A machine that slewing turns so far out of the picture that its tool is seen elsewhere than at
     its reach is left out.
     """
-    view, reach = side_view(machine, worst.q), machine.arm.reach(worst.q[None], worst.tool[None])
+    view = side_view(machine, worst.q)
+    reach = machine.heading.reach(worst.q[None], worst.tool[None])
     if abs(view.tool[0, 0] - reach[0]) < ASIDE * view.size:
         draw_machine(ax, machine, view, 0, fc=(1, 1, 1, 0.6), ec=INK, lw=0.9)
     mark(ax, float(reach[0]), float(worst.tool[2]), worst.frequency)

@@ -161,14 +161,16 @@ def _path(ax: Axes, move: Move) -> None:
     machine = move.machine
     at = np.array(machine.tool.at)
     planned = machine.arm.point(machine.rigid_poses(move.planned.q), machine.tool.link, at)
-    paths: tuple[tuple[Array, Style], ...] = (
-        (move.unshaped.simulation.tool, {"color": INK, "label": "unshaped", **FAINT}),
-        (move.shaped.simulation.tool, {"color": INK, "label": "shaped", **THICK}),
-        (np.array(planned), {"color": COMPUTED, "ls": "--", "lw": 1.2, "label": "planned"}),
+    unshaped, shaped = move.unshaped.simulation, move.shaped.simulation
+    paths: tuple[tuple[Array, Array, Style], ...] = (
+        (unshaped.q, unshaped.tool, {"color": INK, "label": "unshaped", **FAINT}),
+        (shaped.q, shaped.tool, {"color": INK, "label": "shaped", **THICK}),
+        (move.planned.q, planned, {"color": COMPUTED, "ls": "--", "lw": 1.2, "label": "planned"}),
     )
-    for tool, style in paths:
-        ax.plot(np.hypot(tool[:, 0], tool[:, 1]), tool[:, 2], **style)
-    ax.plot(np.hypot(*planned[-1, :2]), planned[-1, 2], "o", color=MARK, label="planned end")
+    for q, tool, style in paths:
+        reach = machine.heading.reach(q, tool)
+        ax.plot(reach, tool[:, 2], **style)
+    ax.plot(reach[-1], planned[-1, 2], "o", color=MARK, label="planned end")
     ax.set(xlabel="reach [m]", ylabel="height [m]", title="Path of the tool", aspect="equal")
     ax.set_adjustable("datalim")
 

@@ -66,7 +66,7 @@ def _pressures(ax: Axes, simulation: Simulation) -> None:
 
 
 def _path(ax: Axes, simulation: Simulation) -> None:
-    reach = simulation.machine.arm.reach(simulation.q, simulation.tool)
+    reach = simulation.machine.heading.reach(simulation.q, simulation.tool)
     height = simulation.tool[:, 2]
     ax.plot(reach, height, color=INK)
     ax.plot(reach[:1], height[:1], "o", color=INK, ms=5)

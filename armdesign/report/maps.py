@@ -40,7 +40,7 @@ def map_sheets(frequencies: FrequencyMap, units: Units = WORKSHOP) -> list[Sheet
 def map_head(frequencies: FrequencyMap, units: Units = WORKSHOP) -> Sheet:
     """The worst frequency, where it is, and what limits it."""
     machine, worst = frequencies.machine, frequencies.worst
-    reach = float(machine.arm.reach(worst.q[None], worst.tool[None])[0])
+    reach = float(machine.heading.reach(worst.q[None], worst.tool[None])[0])
     dead = "" if worst.dead_centre is None else ", at its dead centre"
     limiting = next(part for part in machine.yielding if part.name == worst.cylinder)
     springs, reliefs = limiting_note(machine, worst), _relief_note(frequencies, units)

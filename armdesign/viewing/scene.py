@@ -116,8 +116,8 @@ class Scene:
         return side, min((float((corners @ side).min()) for corners in own), default=0.0)
 
     def heading(self, q: Array) -> Array:
-        """Rotation (3, 3) by which slewing has turned the arm at q (nq,)."""
-        x, y = self.machine.arm.heading(q[None])[0]
+        """Rotation (3, 3) that turns x to where the arm points at q (nq,)."""
+        x, y = self.machine.heading.at(q[None])[0]
         return np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -129,7 +129,7 @@ def scene_of(machine: Machine, plates: bool = False) -> Scene:
         plates: whether its links are plates of outlines, whatever visuals the URDF has.
     """
     view = side_view(machine, middle_pose(machine))
-    plane = PicturePlane(machine.arm, machine.tool.link)
+    plane = PicturePlane(machine.heading)
     arm, colours = machine.arm, actuator_colours(machine)
     across = {link: arm.link_rotation(plane.zero, link)[0].T @ plane.across for link in arm.links}
     solids = [*_links(machine, plane, view, plates), *_drives(machine, view.size)]

@@ -155,9 +155,9 @@ class Stage:
             self.arrows = self._arrows(view.machine, view.new)
         add_ground(server, self.scene)
         self.swept = add_region(server, view.region)
-        low, high = extent(self.scene, view.region)
-        self.above = np.array([(low[0] + high[0]) / 2, 0.0, high[2]])
-        look(server, low, high + WORDS * (high[2] - low[2]) * np.eye(3)[2])
+        turn, low, high = extent(self.scene, view.region)
+        self.above = turn @ np.array([(low[0] + high[0]) / 2, 0.0, high[2]])
+        look(server, turn, low, high + WORDS * (high[2] - low[2]) * np.eye(3)[2])
 
     def _arrows(self, machine: Machine, new: Machine) -> dict[str, Any]:
         """Arrows from old to new places of moved pins, with their way.
@@ -338,26 +338,30 @@ def add_ground(server: Any, scene: Scene) -> None:
     )
 
 
-def look(server: Any, low: Array, high: Array) -> None:
-    """Look from the side on what lies between two corners (3,) [m]."""
+def look(server: Any, turn: Array, low: Array, high: Array) -> None:
+    """Look from the side on what lies between two corners (3,) [m] of a frame turned so (3, 3)."""
     middle, size = (low + high) / 2, high - low
     away = CLOSE * max(float(size[0]), WIDE * float(size[2]))
-    server.initial_camera.look_at = middle
-    server.initial_camera.position = middle + away * np.array([0.25, -0.93, 0.27])
+    server.initial_camera.look_at = turn @ middle
+    server.initial_camera.position = turn @ (middle + away * np.array([0.25, -0.93, 0.27]))
     server.initial_camera.fov = FIELD
 
 
-def extent(scene: Scene, region: ReachRegion) -> tuple[Array, Array]:
-    """Lower and upper corner (3,) [m] of a machine in the middle of its ranges, and its reach."""
-    placements = scene.placements(middle_pose(scene.machine))
+def extent(scene: Scene, region: ReachRegion) -> tuple[Array, Array, Array]:
+    """How an arm in the middle of its ranges points (3, 3), and between which corners it reaches.
+
+    The lower and the upper corner (3,) [m] are in a frame that is turned so: x is ahead.
+    """
+    middle = middle_pose(scene.machine)
+    placements, turn = scene.placements(middle), scene.heading(middle)
     corners = [
         solid.mesh.vertices @ placements[solid.frame][0][0].T + placements[solid.frame][1][0]
         for solid in scene.solids
     ]
     reach, up = region.middles.T
-    corners.append(np.array([[reach.min(), 0, up.min()], [reach.max(), 0, up.max()]]))
-    points = np.concatenate(corners)
-    return np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    swept = np.array([[reach.min(), 0, up.min()], [reach.max(), 0, up.max()]])
+    points = np.concatenate([np.concatenate(corners) @ turn, swept])
+    return turn, np.nanmin(points, axis=0), np.nanmax(points, axis=0)
 
 
 def add_region(server: Any, region: ReachRegion) -> Any:

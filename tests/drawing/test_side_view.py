@@ -33,7 +33,7 @@ def test_points_are_the_pins_of_the_file(name: str) -> None:
     """x and z of every pin in the world, by the arm's own kinematics and by the placements."""
     machine, view = view_of(name)
     poses = machine.arm.kinematics(middle(machine)[None])
-    plane = PicturePlane(machine.arm, machine.tool.link)
+    plane = PicturePlane(machine.heading)
     for pin, at in zip(view.pins, view.points[0], strict=True):
         if pin.link is None or pin.at is None or pin.body is None:
             continue

@@ -61,7 +61,7 @@ def test_no_pose_lies_below_its_cell_of_the_reach_picture(name: str) -> None:
                 & (case.margins(poses).min(axis=1) >= frequencies.workspace.end_margin)
             ]
         )
-        place = np.stack([machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]])
+        place = np.stack([machine.heading.reach(poses.q, poses.tool), poses.tool[:, 2]])
         cell = tuple(
             nearest(axis, at) for axis, at in zip((reach.reach, reach.height), place, strict=True)
         )
@@ -83,7 +83,7 @@ def test_valleys_of_oil_with_air_are_in_the_reach_picture(name: str) -> None:
     for payload in machine.payloads:
         case = machine.with_payload(payload.name)
         held = case.at(poses[case.holds(case.arm.kinematics(poses))])
-        place = np.stack([machine.arm.reach(held.q, held.tool), held.tool[:, 2]])
+        place = np.stack([machine.heading.reach(held.q, held.tool), held.tool[:, 2]])
         cell = tuple(map(nearest, (reach.reach, reach.height), place))
         np.minimum.at(least, cell, lowest_frequency(held))
     ratio = reach.frequency[np.isfinite(least)] / least[np.isfinite(least)]
@@ -112,7 +112,7 @@ def test_no_pose_on_a_joint_end_and_a_pitch_limit_lies_below_its_cell() -> None:
         q[case.holds(q) & (case.margins(q).min(axis=1) >= frequencies.workspace.end_margin)]
     )
     assert len(poses) > 10_000
-    at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+    at = machine.heading.reach(poses.q, poses.tool), poses.tool[:, 2]
     cell = nearest(reach.reach, at[0]), nearest(reach.height, at[1])
     assert np.min(lowest_frequency(poses) / reach.frequency[cell]) > 1 / 1.02
 
@@ -127,7 +127,7 @@ def test_values_of_the_reach_picture_are_frequencies_of_poses() -> None:
     reach, low, high = frequencies.reach_map(), *frequencies.workspace.ranges.T
     size, rng = reach.reach[1] - reach.reach[0], np.random.default_rng(2)
     q = low + rng.random((20_000, 3)) * (high - low)
-    place = np.stack([machine.arm.reach(q, tool := machine.at(q).tool), tool[:, 2]], axis=1)
+    place = np.stack([machine.heading.reach(q, tool := machine.at(q).tool), tool[:, 2]], axis=1)
     for spot in ((6.33, -3.66), (4.0, 1.0), (8.5, 2.0)):
         i, k = (
             int(np.abs(axis - at).argmin())
@@ -143,7 +143,9 @@ def test_values_of_the_reach_picture_are_frequencies_of_poses() -> None:
         for payload in machine.payloads:
             case = machine.with_payload(payload.name)
             poses = case.at(near[case.holds(near)])
-            there = np.stack([machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]], axis=1)
+            there = np.stack(
+                [machine.heading.reach(poses.q, poses.tool), poses.tool[:, 2]], axis=1
+            )
             lowest += lowest_frequency(poses)[
                 np.abs(there - middle).max(axis=1) <= size / 2
             ].tolist()
@@ -184,7 +186,7 @@ def test_no_pose_with_all_joints_but_two_at_an_end_lies_below_its_cell() -> None
             for joint, end in enumerate(ends):
                 q[:, joint] = q[:, joint] if end is None else ranges[joint, end]
             poses = machine.at(q)
-            at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+            at = machine.heading.reach(poses.q, poses.tool), poses.tool[:, 2]
             cell = nearest(reach.reach, at[0]), nearest(reach.height, at[1])
             np.minimum.at(lowest, cell, lowest_frequency(poses))
     reached = np.isfinite(lowest)
@@ -203,7 +205,7 @@ def test_a_joint_leaves_its_end_for_a_corner_of_a_cell() -> None:
     frequencies = ad.frequency_map(machine)
     reach, (low, high) = frequencies.reach_map(), frequencies.workspace.ranges.T
     poses = machine.at(low + np.array([[0.9807, 1.0, 1.0, 0.8369]]) * (high - low))
-    at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+    at = machine.heading.reach(poses.q, poses.tool), poses.tool[:, 2]
     cell = nearest(reach.reach, at[0]), nearest(reach.height, at[1])
     assert reach.frequency[cell] < 1.002 * lowest_frequency(poses)
 
@@ -229,7 +231,7 @@ def lowest_by_search(frequencies: ad.FrequencyMap, reach: ad.ReachMap, seed: int
             q = np.concatenate([q, *turned])
             q = q[np.all((q >= low) & (q <= high), axis=1)]
             poses = case.evaluate(case.rigid_poses(q[case.holds(q)]))  # noqa: B023
-            at = machine.arm.reach(poses.q, poses.tool), poses.tool[:, 2]
+            at = machine.heading.reach(poses.q, poses.tool), poses.tool[:, 2]
             index = [nearest(axis, x) for axis, x in zip(axes, at, strict=True)]
             cell, value = np.ravel_multi_index(index, shape), lowest_frequency(poses)
             order = np.lexsort((value, cell))
@@ -289,7 +291,7 @@ def blank_but_reached(frequencies: ad.FrequencyMap, reach: ad.ReachMap, seed: in
     def place(q: np.ndarray) -> np.ndarray:
         rigid = machine.arm.kinematics(q)
         tool = machine.arm.point(rigid, machine.tool.link, np.array(machine.tool.at))
-        return np.stack([machine.arm.reach(q, tool), tool[:, 2]], axis=1)
+        return np.stack([machine.heading.reach(q, tool), tool[:, 2]], axis=1)
 
     deepest = np.full(len(blank), np.inf)
     for payload in machine.payloads:

@@ -4,7 +4,9 @@ once.
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -336,8 +338,22 @@ def test_where_a_moment_arm_changes_sign(rod_end: list[float], joint: str, dead:
     assert ("largest joint speed" in parts) == dead
 
 
-def test_an_arm_that_points_backwards() -> None:
-    """Reach and tipping lines count along the root's x axis."""
+def test_a_tool_beside_its_arm() -> None:
+    """Reach and tipping lines count where the arm points: not 2 m aside of it."""
     assert "tool" not in odd({}, "paper_1dof")
-    behind = odd({"tool.at_mm": [-1000, 0, 150]}, "paper_1dof")["tool"]
-    assert behind.startswith("at 100 % of the poses is not ahead of the root, along x")
+    aside = odd({"tool.at_mm": [1000, 2000, 150]}, "paper_1dof")["tool"]
+    assert aside.startswith("at 100 % of the poses is not ahead of the slew axis")
+
+
+def test_what_does_not_follow_an_arm_along_y() -> None:
+    """Designs move pins along x and z of their link, and ``[stability]`` lies along the arm."""
+    boom = replace(machines.BOOM, rpy=(0, 0, math.pi / 2))
+    cylinders = [replace(machines.LIFT, base=("root", (0, 0.7, 0.1))), machines.FOLD]
+    standing = "[stability]\nmass_kg = 9000\nat_mm = [0, -500, 0]\nfront_mm = 900\nrear_mm = 900"
+    machine = machines.build([boom, machines.STICK], cylinders, more=standing)
+    found = inspect(machine, ad.Workspace.grid(machine, 3)).findings()
+    words = {one.part: one.words for one in found}
+    assert "those on root leave the plane" in words["cylinder.lift"]
+    assert not any("leave the plane" in one for part, one in words.items() if "fold" in part)
+    assert "where the arm points, 90.0° from the root's x axis" in words["stability.at_mm"]
+    assert "tool" not in words

@@ -99,7 +99,7 @@ def test_no_random_pose_is_beyond_and_some_are_near(name: str) -> None:
     q = q[machine.margins(q).min(axis=1) >= 0]
     poses = machine.arm.kinematics(q)
     tool = machine.arm.point(poses, machine.tool.link, np.array(machine.tool.at))
-    reach = machine.arm.reach(q, tool)
+    reach = machine.heading.reach(q, tool)
     figures = reach_figures(machine)
     for figure, values in (
         (figures.reach, reach),

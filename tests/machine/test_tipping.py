@@ -57,7 +57,7 @@ def _tipping_by_virtual_work(
     leaning, root = Rotation.from_euler("xyz", [*lean, 0]), np.array(COLUMN.xyz)
     axis = leaning.apply(up)
     foot = root - root[2] / axis[2] * axis
-    ahead = turn(q[0] * axis).apply(np.array([1.0, 0, 0]) - axis[0] * axis)
+    ahead = turn(q[0] * axis).apply(leaning.apply([1.0, 0, 0]))  # square to boom and column
     ahead = np.array([*ahead[:2], 0]) / math.hypot(*ahead[:2])
     frame, at = leaning * turn([0, 0, q[0]]), root
     weights = [(900.0, foot - 0.3 * ahead)]
@@ -85,7 +85,7 @@ def test_tipping_of_a_slew_that_leans(lean: tuple[float, float]) -> None:
     for point, line in (((4.0, 0.0, 0.1), 0.9), ((-9.0, 0.0, 0.1), -1.0)):
         wanted = [_tipping_by_virtual_work((roll, pitch), pose, point, line) for pose in q]
         assert 0 < min(wanted) < max(wanted) < 10_000
-        ahead = machine.arm.ahead(q, machine.arm.point(rigid, "stick", np.array(point)))
+        ahead = machine.heading.ahead(q, machine.arm.point(rigid, "stick", np.array(point)))
         np.testing.assert_allclose(tipping_masses(machine, rigid, ahead), wanted, rtol=1e-8)
 
 
@@ -125,8 +125,8 @@ def test_a_frozen_slew_is_one_that_stands_there(lean: tuple[float, float], turn:
     for machine, at in ((free, turned), (frozen, q)):
         rigid = machine.rigid_poses(at)
         tool = machine.arm.point(rigid, "stick", np.array([4.0, 0.0, 0.1]))
-        places.append(machine.arm.reach(at, tool))
-        tips.append(tipping_masses(machine, rigid, machine.arm.ahead(at, tool)))
+        places.append(machine.heading.reach(at, tool))
+        tips.append(tipping_masses(machine, rigid, machine.heading.ahead(at, tool)))
     assert np.isfinite(tips[0]).all()
     np.testing.assert_allclose(*tips, rtol=1e-9)
     np.testing.assert_allclose(*places, rtol=1e-12)
@@ -161,8 +161,8 @@ def test_a_base_that_rocks_at_rest_tips_as_a_fixed_one(order: list[str], turn: f
             machine = machine.replace({"frozen.column": turn})
         rigid = machine.rigid_poses(at)
         tool = machine.arm.point(rigid, "stick", np.array([4.0, 0.0, 0.1]))
-        reaches.append(machine.arm.reach(at, tool))
-        tips.append(tipping_masses(machine, rigid, machine.arm.ahead(at, tool)))
+        reaches.append(machine.heading.reach(at, tool))
+        tips.append(tipping_masses(machine, rigid, machine.heading.ahead(at, tool)))
         masses.append(centre_ahead(machine, rigid))
         idle = machine.idle_joints
         assert not (kind == "spring" and 0 in idle and len(order) == 3)  # it rocks another way

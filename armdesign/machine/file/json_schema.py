@@ -120,8 +120,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     " finer where fewer than 6 places are within reach",
     "from_m": "least reach of the grid; default: two steps",
     "stability": "what stands still while the arm moves, and where the machine tips over",
-    "front_mm": "tipping line ahead of the slew axis, from it",
-    "rear_mm": "tipping line behind the slew axis, from it",
+    "front_mm": "tipping line ahead of the slew axis, where the arm points, from it",
+    "rear_mm": "tipping line behind the slew axis, seen from where the arm points, from it",
     "lift_share": "of today's lift at every point of the lift chart, at least; 0: not asked",
     "requirements": "what a new design must keep, relative to today's machine",
     "end_margin": "share of the stroke that stays free at both ends",
@@ -221,7 +221,8 @@ IN_SECTION = {  # where a key means something else than in most tables
     },
     "StabilitySection": {
         "mass_kg": "of all that the arm's joints do not move, upper structure included",
-        "at_mm": "centre of that mass in the root link's frame, arm forward",
+        "at_mm": "centre of that mass: ahead of the slew axis, where the arm points, which alone"
+        " counts, aside of it, and over the ground",
     },
     "MotorSection": {
         "count": "equal motors in parallel on one joint",

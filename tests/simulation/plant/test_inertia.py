@@ -8,6 +8,7 @@ import pytest
 
 from armdesign import Machine
 from armdesign.arrays import Array
+from armdesign.machine.carried_masses import bar_points
 from armdesign.mechanism.arm import Arm, LoadedArm
 from armdesign.simulation.plant.compiled import borrowing
 from armdesign.simulation.plant.inertia import (
@@ -80,7 +81,7 @@ def test_bars_in_motion(machine: Machine) -> None:
     """
     q = machines.inner_poses(machine, 4)
     speed = np.linspace(-0.7, 0.9, q.shape[1])
-    points = machine.bar_points(machine.arm.kinematics(q))
+    points = bar_points(machine, machine.arm.kinematics(q))
     mass, force = np.zeros((*q.shape, q.shape[1])), np.zeros(q.shape)
     for m, p in points:
         mass += m * p.first @ np.swapaxes(p.first, 1, 2)
