@@ -45,8 +45,10 @@ class Heading(ReadOnly):
 
     def at(self, q: Array) -> Array:
         """Level direction (n, 2) in which the arm points at q (n, nq), or with springs (n, k)."""
-        turned = self.arm.slews.turned(self.forward, self.arm.with_springs(q))[:, :2]
-        return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+        slews, z = self.arm.slews, self.arm.with_springs(q)
+        turned = slews.turned(self.forward, z if slews.axes else z[:1])[:, :2]
+        level = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+        return np.broadcast_to(level, (len(z), 2))
 
     def ahead(self, q: Array, place: Array) -> Array:
         """Level distance of places (n, 3) ahead of the slew axis on the ground (n,) [m]."""
