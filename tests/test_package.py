@@ -30,7 +30,6 @@ ROOMS = (
         "user_folders",
         "transaction",
         "arrays",
-        "local_search",
         "threads",
         "processes",
         "short_repr",
@@ -65,7 +64,6 @@ DOORS = {  # library: the only modules that may import it
     "ezdxf": {"exchange.dxf"},
     "matplotlib": {"plots.canvas", "plots.layout"},
     "shapely": {"drawing.outlines"},
-    "nlopt": {"local_search"},
     "viser": {"viewing.stage"},
     "websockets": {"viewing.stage"},
     "coal": {"drawing.visuals"},
@@ -255,7 +253,7 @@ def test_importing_the_package_loads_no_heavy_library() -> None:
 
 def test_a_map_loads_no_library_that_it_does_not_need(tmp_path: Path) -> None:
     """In a process of its own, with all files that it writes."""
-    others = ["pandas", "scipy", "cvxpy", "numba", "joblib", "matplotlib.pyplot"]
+    others = ["pandas", "cvxpy", "numba", "joblib", "matplotlib.pyplot"]
     code = (
         "import sys\nfrom armdesign.cli import app\n"
         f"app(['map', 'paper_1dof', '-q', '--out', {str(tmp_path)!r}], standalone_mode=False)\n"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
@@ -59,36 +59,6 @@ def box_shares(axes: Axes) -> Array:
 def steps_along(axes: Axes, q: Array) -> Array:
     """Places of poses (n, nq) on the axes, in steps from their first values (nq, n)."""
     return np.stack([(q[:, j] - axis[0]) / _step(axis) for j, axis in enumerate(axes)])
-
-
-def between_nodes(nodes: Array, steps: Array) -> Array:
-    """Numbers (n,) at places in ``steps_along`` (nq, n), linear between the nodes of a grid (…).
-
-    Beyond the grid those of its border; NaN where a node of the box about a place has none.
-    """
-    first, share = np.zeros(steps.shape[1], dtype=int), list[Array]()
-    beside = np.zeros(1, dtype=int)  # of the corners of a box, from its first
-    for axis, count in zip(np.clip(steps, 0, None), nodes.shape, strict=True):
-        low = np.minimum(axis.astype(int), max(count - 2, 0))
-        share.append(np.minimum(axis - low, 1.0) if count > 1 else np.zeros(len(low)))
-        first = first * count + low
-        beside = (beside[:, None] * count + np.arange(min(count, 2))).ravel()
-    numbers = nodes.ravel()[first + beside[:, None]]
-    for along, count in zip(reversed(share), reversed(nodes.shape), strict=True):
-        if count > 1:
-            numbers = numbers[::2] + along * (numbers[1::2] - numbers[::2])
-    return np.asarray(numbers[0])
-
-
-def with_neighbours(nodes: Flags) -> Flags:
-    """The nodes of a grid (…) that are marked, and those beside one, over corners too."""
-    marked = nodes.copy()
-    for axis in range(nodes.ndim):
-        before = np.moveaxis(marked.copy(), axis, 0)
-        along = np.moveaxis(marked, axis, 0)
-        along[1:] |= before[:-1]
-        along[:-1] |= before[1:]
-    return marked
 
 
 def nearest(axis: Array, values: Array) -> Array:

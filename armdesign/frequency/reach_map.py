@@ -20,13 +20,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, ReadOnly, chunks
 from armdesign.frequency.cases import CasePoses, load_cases
-from armdesign.frequency.joint_grid import (
-    between_nodes,
-    default_counts,
-    nearest,
-    steps_along,
-    with_neighbours,
-)
+from armdesign.frequency.joint_grid import default_counts, nearest, steps_along
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.reach_plane import place_and_pitch, places, reach_and_height
 from armdesign.frequency.reach_rim import least_motion, led_into_cells, poses_over_rim
@@ -304,20 +298,25 @@ class _Between:
 
     def _linear(self, nodes: Array | Flags, q: Array) -> Array:
         """Numbers at poses (n, nq) from those at the nodes (…): (n,); NaN beside one."""
-        return between_nodes(nodes.astype(float), steps_along(self.workspace.axes, q))
+        from scipy.ndimage import map_coordinates
+
+        steps = steps_along(self.workspace.axes, q)
+        return np.asarray(map_coordinates(nodes.astype(float), steps, order=1, mode="nearest"))
 
     def _at_nodes(self, known: Array) -> Array:
         """Frequencies at the nodes of the grid (…), also just beyond pitch limits.
 
         So boxes that a limit cuts are whole. NaN farther out, and out of stroke.
         """
+        from scipy.ndimage import binary_dilation
+
         axes, case = self.workspace.axes, self.case
         steps = steps_along(axes, self.workspace.q[case.exists])
         is_node = np.abs(steps - np.rint(steps)).max(axis=0) < 1e-6
         nodes = np.full([len(axis) for axis in axes], np.nan)
         nodes[tuple(np.rint(steps[:, is_node]).astype(int))] = known[is_node]
         exists = np.isfinite(nodes)
-        beside = np.nonzero(with_neighbours(exists) & ~exists)
+        beside = np.nonzero(binary_dilation(exists, np.ones((3,) * nodes.ndim)) & ~exists)
         q = np.stack([axis[i] for axis, i in zip(axes, beside, strict=True)], axis=1)
         frequency = np.full(len(q), np.nan)
         free = self.workspace.in_stroke(q)

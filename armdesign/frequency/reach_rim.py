@@ -11,12 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.frequency.joint_grid import nearest, with_neighbours
+from armdesign.frequency.joint_grid import nearest
 from armdesign.frequency.reach_plane import place_and_pitch, place_and_slopes
 from armdesign.machine.machine import Machine
 
 STARTS = 12  # known places from which the tool is led into a cell
-AWAY = 4.0  # cells, within which they are sought along the reach
 STEPS = 40  # at most
 STALLED = 0.99  # of what was missed a step before, at which it is given up
 ROUNDS = 4  # of a step, after which what leans against an end, or would leave a cell, is known
@@ -36,47 +35,33 @@ def poses_over_rim(
         place: reach and height of their tools (m, 2) [m].
         cells: middles of the cells, along reach and along height [m].
     """
+    from scipy.spatial import cKDTree
+
     middles = _beside(place, cells)
     if len(middles) == 0:
         return q[:0]
-    near = nearest_places(place, middles, min(STARTS, len(q)), AWAY * _size(cells))
+    tree = cKDTree(place, balanced_tree=False, compact_nodes=False)  # few questions are asked
+    _, near = tree.query(middles, k=min(STARTS, len(q)))
+    near = near.reshape(len(middles), -1)
     goals = np.repeat(middles, near.shape[1], axis=0)
     return led_into_cells(machine, ranges, q[near.ravel()], goals, cells)
 
 
-def nearest_places(places: Array, middles: Array, count: int, away: float) -> Array:
-    """Indices (m, count) of the places (n, 2) that are nearest to each of the middles (m, 2).
-
-    Among those whose reach is less than ``away`` [m] from the middle's, if these are enough.
-    """
-    order = np.argsort(places[:, 0], kind="stable")
-    (reach, height), near = places[order].T.copy(), np.empty((len(middles), count), dtype=int)
-    ends = np.searchsorted(reach, middles[:, 0] + away * np.array([[-1], [1]]))
-    for i, ((x, z), begin, end) in enumerate(zip(middles, *ends, strict=True)):
-        some = slice(begin, end) if end - begin >= count else slice(None)
-        squared = (reach[some] - x) ** 2 + (height[some] - z) ** 2
-        near[i] = order[some][np.argpartition(squared, count - 1)[:count]]
-    return near
-
-
 def _beside(place: Array, cells: tuple[Array, Array]) -> Array:
     """Middles (m, 2) of the cells that hold no place (n, 2), but one of whose neighbours does."""
+    from scipy.ndimage import binary_dilation
+
     holds = np.zeros([len(axis) for axis in cells], dtype=bool)
     holds[nearest(cells[0], place[:, 0]), nearest(cells[1], place[:, 1])] = True
-    beside = np.nonzero(with_neighbours(holds) & ~holds)
+    beside = np.nonzero(binary_dilation(holds, np.ones((3, 3))) & ~holds)
     return np.stack([axis[i] for axis, i in zip(cells, beside, strict=True)], axis=1)
-
-
-def _size(cells: tuple[Array, Array]) -> float:
-    """Size of a cell [m]."""
-    return max(float(axis[1] - axis[0]) for axis in cells if len(axis) > 1)
 
 
 def led_into_cells(
     machine: Machine, ranges: Array, starts: Array, middles: Array, cells: tuple[Array, Array]
 ) -> Array:
     """Poses (n, nq) with the tool in, or near, the cells about middles (n, 2), from starts."""
-    (low, high), size = ranges.T, _size(cells)
+    (low, high), size = ranges.T, max(float(axis[1] - axis[0]) for axis in cells if len(axis) > 1)
     half = (0.5 - WITHIN) * size
     q, left, before = starts.copy(), np.arange(len(starts)), np.full(len(starts), np.inf)
     for _ in range(STEPS):

@@ -24,10 +24,10 @@ from armdesign.frequency.modes import (
 from armdesign.frequency.population import lowest_by_population
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
-from armdesign.local_search import local_minimum, with_slopes
 from armdesign.machine.dead_centres import DeadCentre, dead_centre
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.rigid_poses import RigidPoses
+from armdesign.threads import one_blas_thread
 
 STARTS = 4  # local searches per load case
 FAR = 1.15  # times the lowest frequency: no search from poses above ends lower (trials: 1.02)
@@ -244,8 +244,11 @@ def lowest_rows(frequency: Array) -> Array:
     return np.asarray(rows[np.argsort(frequency[rows], kind="stable")[:count]])
 
 
+@one_blas_thread()
 def _descend(case: CasePoses, start: Array) -> Array | None:
-    """Local minimum of the lowest frequency; None if it lies outside the workspace."""
+    """Local minimum of the lowest frequency (SLSQP); None if it lies outside the workspace."""
+    from scipy.optimize import minimize
+
     machine, workspace = case.machine, case.workspace
     low, high = workspace.ranges.T
     span = high - low
@@ -259,17 +262,25 @@ def _descend(case: CasePoses, start: Array) -> Array | None:
         return float(f[0]), slopes
 
     def room(x: Array) -> Array:
-        rigid, left = machine.arm.kinematics(low + x * span), list[Array]()
+        rigid, left = machine.arm.kinematics((low + x * span)[None]), list[Array]()
         if any(across):
-            left.append(workspace.machine.margins(rigid)[:, across] - workspace.end_margin)
+            left.append(workspace.machine.margins(rigid)[0, across] - workspace.end_margin)
         if payload.limits:
-            left.append(-machine.pitch_excess(rigid, payload)[:, None])
-        return np.concatenate(left, axis=1)
+            left.append(-machine.pitch_excess(rigid, payload))
+        return np.concatenate(left)
 
     across = [len(drive.joints) > 1 for drive in machine.drives]
-    limited = [with_slopes(room)] if payload.limits or any(across) else []
-    shares = local_minimum(value_and_gradient, (start - low) / span, 1e-10, limited)
-    return _in_workspace(machine, workspace, np.clip(low + shares * span, low, high))
+    constrained = bool(payload.limits) or any(across)
+    result = minimize(
+        value_and_gradient,
+        (start - low) / span,
+        jac=True,
+        bounds=[(0.0, 1.0)] * nq,
+        constraints=[{"type": "ineq", "fun": room}] if constrained else [],
+        method="SLSQP",
+        options={"maxiter": 60, "ftol": 1e-10},
+    )
+    return _in_workspace(machine, workspace, np.clip(low + result.x * span, low, high))
 
 
 def _in_workspace(machine: Machine, workspace: Workspace, q: Array) -> Array | None:

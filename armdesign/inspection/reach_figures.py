@@ -9,16 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.frequency.joint_grid import joint_axes, mesh
-from armdesign.local_search import Conditions, local_minimum, with_slopes
 from armdesign.machine.machine import Machine
 from armdesign.machine.reaching import place_and_slopes
 from armdesign.mechanism.linkage.base import Pin
+from armdesign.threads import one_blas_thread
 
 STARTS = 4  # poses of the grid that are refined
 ACCURACY = 1e-7  # [m] to which the condition is met
@@ -78,6 +79,7 @@ class _Envelope:
         q = q[machine.margins(q).min(axis=1) >= -1e-9] if _coupled(machine) else q
         return cls(machine, q, _places(machine, q)[0])
 
+    @one_blas_thread()
     def largest(
         self, aim: Array, zero: Array | None = None, least: Array | None = None
     ) -> float | None:
@@ -96,37 +98,50 @@ class _Envelope:
     def _refined(
         self, starts: Array, aim: Array, zero: Array | None, least: Array | None
     ) -> Iterator[float]:
+        from scipy.optimize import minimize
+
         low, high = self.machine.ranges.T
         span = high - low
 
-        def along(line: Array, u: Array) -> tuple[float, Array]:
-            places, slopes = self._at(low + u * span)
-            return float(places @ line), (line @ slopes) * span
+        def along(line: Array, sign: float = 1.0) -> dict[str, Any]:
+            return {
+                "fun": lambda u: sign * float(self._at(low + u * span)[0] @ line),
+                "jac": lambda u: sign * (line @ self._at(low + u * span)[1]) * span,
+            }
 
-        def condition(line: Array, u: Array) -> tuple[Array, Array]:
-            value, slopes = along(line, u)
-            return np.array([value]), slopes[None]
-
-        positive: list[Conditions] = [] if least is None else [partial(condition, least)]
+        conditions: list[dict[str, Any]] = []
+        if zero is not None:
+            conditions.append({"type": "eq", **along(zero)})
+        if least is not None:
+            conditions.append({"type": "ineq", **along(least)})
         if _coupled(self.machine):
-            positive.append(with_slopes(lambda u: self._finite(low + u * span)))
-        equal = [] if zero is None else [partial(condition, zero)]
+            conditions.append({"type": "ineq", "fun": lambda u: self._finite(low + u * span)})
         for start in starts:
-            shares = (start - low) / span
-            q = low + span * local_minimum(partial(along, -aim), shares, 1e-13, positive, equal)
+            answer = minimize(
+                **along(aim, -1.0),
+                x0=(start - low) / span,
+                method="SLSQP",
+                bounds=[(0.0, 1.0)] * len(span),
+                constraints=conditions,
+                options={"ftol": 1e-13, "maxiter": 50},
+            )
+            q = low + np.clip(answer.x, 0.0, 1.0) * span
             places = self._at(q)[0]
             met = zero is None or abs(places @ zero) < ACCURACY
             held = least is None or places @ least > -ACCURACY
-            if met and held and self.machine.margins(q[None]).min() > -1e-6:
+            if met and held and self._margins(q).min() > -1e-6:
                 yield float(places @ aim)
 
     def _at(self, q: Array) -> tuple[Array, Array]:
         places, slopes = _places(self.machine, q[None])
         return places[0], slopes[0]
 
+    def _margins(self, q: Array) -> Array:
+        return self.machine.margins(q[None])[0]
+
     def _finite(self, q: Array) -> Array:
         """The margins, 1 for a motor, which has no ends, and -1 where a four-bar is open."""
-        return np.nan_to_num(self.machine.margins(q), posinf=1.0, neginf=-1.0)
+        return np.nan_to_num(self._margins(q), posinf=1.0, neginf=-1.0)
 
 
 def _places(machine: Machine, q: Array) -> tuple[Array, Array]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +20,6 @@ from armdesign.units import WORKSHOP
 SAMPLES = 721  # of a joint's limits, at which its range is searched
 ENDED = 2e-3  # of its stroke: a cylinder so near to its end ends a range, beside rounded limits
 TOUCHES = 1e-9  # [m] from an end of its stroke: a cylinder nowhere farther inside cannot move
-NEAR = 1e-14  # [rad, m] of each other, ends between which a range ends
 DEAD_CENTRE = 1e-6  # [m/rad] moment arm below which a cylinder is at its dead centre
 Pair: TypeAlias = tuple[Linkage, Cylinder]
 
@@ -110,9 +108,9 @@ class _JointRange:
         self._refuse_opening(values, closes, (first - 1, last + 1))
         low, high = values[first], values[last]
         if first > 0:
-            low = _zero(self._slack, values[first - 1], low)
+            low = _root(self._slack, values[first - 1], low)
         if last < len(values) - 1:
-            high = _zero(self._slack, values[last + 1], high)
+            high = _root(self._slack, values[last + 1], high)
         self._refuse_dead_centre(np.array([low, high]))
         return float(low), float(high)
 
@@ -143,13 +141,12 @@ class _JointRange:
         for linkage, cylinder in self.pairs:
             middle = cylinder.closed_length + cylinder.stroke / 2
 
-            def beyond(x: Array, linkage: Linkage = linkage, middle: float = middle) -> Array:
-                return linkage.length(self._at(x)) - middle
+            def beyond(x: float, linkage: Linkage = linkage, middle: float = middle) -> float:
+                return float(linkage.length(self._at(np.array([x])))[0]) - middle
 
-            longer = np.sign(linkage.length(poses) - middle)
-            for k in np.flatnonzero(longer[:-1] * longer[1:] < 0):
-                sides = values[k : k + 2] if longer[k] < 0 else values[k : k + 2][::-1]
-                values = np.append(values, _zero(beyond, *sides))
+            sides = np.sign(linkage.length(poses) - middle)
+            for k in np.flatnonzero(sides[:-1] * sides[1:] < 0):
+                values = np.append(values, _zero(beyond, values[k], values[k + 1]))
         return np.unique(values)
 
     def _refuse_never_closed(self, values: Array, closes: list[Flags]) -> None:
@@ -201,31 +198,10 @@ class _JointRange:
                 raise self._fault(cylinder.name, fault, f"move its pins or {tighten}")
 
 
-def _zero(function: Callable[[Array], Array], negative: float, positive: float) -> float:
-    """Where a function vanishes between two values, on the side where it is not negative.
+def _zero(function: Callable[[float], float], a: float, b: float) -> float:
+    from scipy.optimize import brentq
 
-    By secants, for which the value at an end that stays is halved (Illinois), until both ends are
-    as near to each other as numbers permit. ``scipy.optimize`` has better methods, but
-    takes longer to be imported than a machine to be read.
-    """
-    (below, above), moved = function(np.array([negative, positive])), ""
-    near = max(NEAR, 4 * float(np.spacing(max(abs(negative), abs(positive)))))
-    for step in itertools.count(1):
-        least, most = sorted((negative, positive))
-        if above == 0 or most - least <= near:
-            break
-        x = positive - above * (positive - negative) / (above - below)
-        if step % 8 == 0:  # in case secants hardly move an end
-            x = (least + most) / 2
-        x = min(max(x, least + near / 2), most - near / 2)
-        value = float(function(np.array([x]))[0])
-        if value >= 0:
-            below /= 1 + (moved == "positive")
-            positive, above, moved = x, value, "positive"
-        else:
-            above /= 1 + (moved == "negative")
-            negative, below, moved = x, value, "negative"
-    return float(positive)
+    return float(brentq(function, a, b, xtol=1e-14))
 
 
 def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
@@ -236,3 +212,13 @@ def _longest_run(mask: Flags, values: Array) -> tuple[int, int]:
     distance = [np.abs(values[starts[k] : ends[k] + 1]).min() for k in long]
     chosen = long[int(np.argmin(distance))]
     return int(starts[chosen]), int(ends[chosen])
+
+
+def _root(slack: Callable[[Array], Array], outside: float, inside: float) -> float:
+    """The inner side of where the slack vanishes between a value outside and one inside.
+
+    Zero stays zero: the number next to it is 5e-324, which moves no pin.
+    """
+    root = _zero(lambda x: float(slack(np.array([x]))[0]), outside, inside)
+    on_inner_side = root == 0 or slack(np.array([root]))[0] >= 0
+    return root if on_inner_side else float(np.nextafter(root, inside))
