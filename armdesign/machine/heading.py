@@ -1,16 +1,17 @@
 """Where an arm points: reach along that direction, and what is ahead of the slew axis.
 
-An arm points along the vertical plane in which it moves: square to most of its hinges that are not
-upright, else along its first slide that is level, else towards its tool. Of both ways along it,
-the tool lies on the one ahead, seen from the slew axis, or from the first joint without slews,
-with all joints at the middle of their ranges; near to that axis, where neither way is its own, it
-is the way that a positive angle of the hinge raises, or in which the slide goes out. How the file
-turns the machine about the vertical does not count. Slews turn this direction.
+An arm points along the vertical plane in which it moves: square to those of its hinges that are
+not upright, the more the farther from them the tool is, else along its first slide that is level,
+else towards its tool. Of both ways along it, the tool lies on the one ahead, seen from the slew
+axis, or from the first joint without slews, with all joints at the middle of their ranges; near to
+that axis, where neither way is its own, it is the way that a positive angle of the hinge raises,
+or in which the slide goes out. Frozen joints count, springs do not, nor how the file turns the
+machine about the vertical. Slews turn this direction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ from armdesign.errors import MachineFileError
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.rigid_poses import RigidPoses
+from armdesign.mechanism.slews import carriers, seen_from_root
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -74,9 +76,13 @@ def heading_of(machine: Machine) -> Heading:
     q = np.stack([np.zeros(len(arm.joints)), known_ranges(machine).mean(axis=1)])
     z = np.array(arm.with_springs(q), dtype=float)
     z[:, list(slews.axes)] = 0.0
-    zero, middle = (arm.kinematics(one[None]) for one in z)
-    lever = _tool_seen_from_first_axis(machine, middle)
-    forward = _moved_along(arm, zero)
+    zero, middle = (list(_joints(machine, arm.kinematics(one[None]))) for one in z)
+    tool = arm.point(arm.kinematics(z[1:]), machine.tool.link, np.array(machine.tool.at))[0]
+    start = middle[0].place if middle and not slews else np.append(slews.foot, 0.0)
+    forward, lever = (
+        _moved_along(slews.axis, zero, [at.lever(tool) for at in middle]),
+        tool - start,
+    )
     if forward is None:
         beside = _square(lever, slews.axis)
         aside = np.linalg.norm(beside) > NEAR * np.linalg.norm(lever)
@@ -100,31 +106,54 @@ def _square(vector: Array, axis: Array) -> Array:
     return np.asarray(vector - float(vector @ axis) * axis)
 
 
-def _tool_seen_from_first_axis(machine: Machine, pose: RigidPoses) -> Array:
-    """Place of the tool (3,) [m] at one pose, from the slew axis or else from the first joint."""
-    arm, tool = machine.arm, machine.tool
-    start = np.append(arm.slews.foot, 0.0)
-    chain = arm.chain(tool.link)
-    if chain and not arm.slews:
-        start = pose.translation[0, chain[0]]
-    return np.asarray(arm.point(pose, tool.link, np.array(tool.at))[0] - start)
+@dataclass(frozen=True, eq=False)
+class _PlacedJoint:
+    """A joint that moves the tool, or could if it were not frozen, at one pose."""
+
+    revolute: bool
+    axis: Array  # (3,) unit vector
+    place: Array  # (3,) [m] a point of its axis
+
+    def lever(self, point: Array) -> float:
+        """Distance [m] of a point from its axis."""
+        return float(np.linalg.norm(np.cross(self.axis, point - self.place)))
 
 
-def _moved_along(arm: Arm, zero: RigidPoses) -> Array | None:
-    """Unit direction (3,) along which an arm moves, by its axes at a pose; None of slews alone.
+def _joints(machine: Machine, pose: RigidPoses) -> Iterator[_PlacedJoint]:
+    """Joints between root and tool at one pose, from the root out; springs are none."""
+    arm, link = machine.arm, machine.arm.links[machine.tool.link]
+    carrier = carriers([*arm.links.values()])
+    rotation, place, axis = pose.rotation[0], pose.translation[0], pose.axis[0]
+    for index in (-1, *arm.chain(machine.tool.link)):
+        if 0 <= index < len(arm.joints):
+            yield _PlacedJoint(arm.coordinates[index].revolute, axis[index], place[index])
+        for one in link.frozen:
+            if carrier[one.name] == index:
+                there = seen_from_root((index, one), rotation, place)
+                yield _PlacedJoint(one.revolute, there.axis, there.place)
 
-    A positive angle of the hinge that says it raises what points there.
+
+def _moved_along(
+    upward: Array, joints: Sequence[_PlacedJoint], levers: Sequence[float]
+) -> Array | None:
+    """Unit direction (3,) along which joints move a tool; None where all are upright.
+
+    Hinges count by the tool's distance from them; of those that say so, the first. A positive
+    angle of it raises what points there.
     """
-    hinges, slides = (list(_level_axes(arm, zero, revolute)) for revolute in (True, False))
-    if hinges:
-        alike = [sum(abs(float(one @ other)) for other in hinges) for one in hinges]
-        return np.asarray(np.cross(arm.slews.axis, hinges[int(np.argmax(np.round(alike, 6)))]))
-    return slides[0] if slides else None
+    hinges = list(_level_axes(upward, joints, revolute=True))
+    if not hinges:
+        return next((axis for _, axis in _level_axes(upward, joints, revolute=False)), None)
+    alike = [sum(levers[j] * abs(float(one @ other)) for j, other in hinges) for _, one in hinges]
+    chosen = int(np.argmax(np.round(np.array(alike) / max(*alike, 1e-300), 6)))
+    return np.asarray(np.cross(upward, hinges[chosen][1]))
 
 
-def _level_axes(arm: Arm, zero: RigidPoses, revolute: bool) -> Iterator[Array]:
-    """Directions (3,), square to the slew axis, of hinges or slides that are not upright."""
-    for joint, axis in zip(arm.coordinates, zero.axis[0], strict=True):
-        level = _square(axis, arm.slews.axis)
+def _level_axes(
+    upward: Array, joints: Sequence[_PlacedJoint], *, revolute: bool
+) -> Iterator[tuple[int, Array]]:
+    """Hinges or slides that are not upright, by index: their directions (3,) square to upward."""
+    for j, joint in enumerate(joints):
+        level = _square(joint.axis, upward)
         if joint.revolute == revolute and np.linalg.norm(level) > LEVEL:
-            yield level / np.linalg.norm(level)
+            yield j, level / np.linalg.norm(level)

@@ -122,7 +122,7 @@ def slews_of(
             sprung |= {index} if rocking else set()
         elif index in springs:
             rocking.add(index)
-    at_root = [_seen_from_root(one, rotation, places) for one in _carrying(links, rocking)]
+    at_root = [seen_from_root(one, rotation, places) for one in _carrying(links, rocking)]
     by_axis, by_place = ({j: of[j] for j in found} for of in (axes, places))
     return Slews(
         axes=by_axis,
@@ -140,12 +140,17 @@ def _carrying(links: Sequence[Link], rocking: Collection[int]) -> list[tuple[int
     """
     frozen = [link.frozen for link in links if link.joint >= 0 and link.joint not in rocking]
     names = set[str].intersection(*({one.name for one in each} for each in frozen))
-    ends = (link for link in reversed(links) if link.frozen)  # the first link beyond it counts
-    carrier = {link.frozen[-1].name: link.joint for link in ends}
+    carrier = carriers(links)
     return [(carrier[one.name], one) for one in frozen[0] if one.name in names]
 
 
-def _seen_from_root(carried: tuple[int, Frozen], rotation: Array, places: Array) -> Frozen:
+def carriers(links: Sequence[Link]) -> dict[str, int]:
+    """The coordinate that carries each frozen joint of links, from the root out; −1 for none."""
+    ends = (link for link in reversed(links) if link.frozen)  # the first link beyond it counts
+    return {link.frozen[-1].name: link.joint for link in ends}
+
+
+def seen_from_root(carried: tuple[int, Frozen], rotation: Array, places: Array) -> Frozen:
     """A frozen joint in the frame of the root, not of the coordinate that carries it."""
     coordinate, one = carried
     if coordinate < 0:

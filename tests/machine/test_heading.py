@@ -198,3 +198,35 @@ def test_two_slews_and_a_crossing_joint() -> None:
     over = build([rolled, replace(BOOM, parent="column"), STICK],
                  [replace(LIFT, base=("column", (0.7, 0, 0.1))), FOLD], more=MOTOR)  # fmt: skip
     np.testing.assert_allclose(over.heading.forward, [1, 0, 0], atol=1e-12)
+
+
+def test_a_frozen_boom_counts() -> None:
+    """Seen from the boom's pin, frozen or not, a stick that folds back is ahead."""
+    back = replace(STICK, rpy=(0, 2.2, 0))
+    joints, cylinders = [BOOM, back], [LIFT, replace(FOLD, rod_end=("stick", (-0.4, 0, -0.25)))]
+    for order in (["boom", "stick"], ["stick"]):
+        machine = build(joints, cylinders, order=order, payload=("stick", (1.5, 0, 0)))
+        np.testing.assert_allclose(machine.heading.forward, [1, 0, 0], atol=1e-12)
+        assert reach_figures(machine).reach > 1.5
+
+
+SPRING = '\n[spring.{0}]\njoint = "{0}"\nstiffness_N_m_per_rad = 1e7\n'
+
+
+@pytest.mark.parametrize("order", [["boom", "roll"], ["roll", "boom"]])
+@pytest.mark.parametrize("springs", [0, 2])
+def test_what_rolls_does_not_turn_an_arm(order: list[str], springs: int) -> None:
+    """Neither two springs below it nor a tool that rolls about it, in whatever order of q."""
+    below = [
+        Joint(f"bank{k}", f"bank{k - 1}" if k else "root", axis=(1, 0, 0)) for k in range(springs)
+    ]
+    boom = replace(BOOM, parent=below[-1].name if below else "root")
+    roll = Joint("roll", "boom", xyz=(2.5, 0, 0), axis=(1, 0, 0))
+    turn = CylinderSpec("turn", ("boom", (2.4, -0.5, 0.4)), ("roll", (0, 0.5, 0.4)))
+    machine = build(
+        [*below, boom, roll],
+        [replace(LIFT, base=(boom.parent, (0.7, 0, 0.1))), turn],
+        order=order,
+        more="".join(SPRING.format(one.name) for one in below),
+    )
+    np.testing.assert_allclose(machine.heading.forward, [1, 0, 0], atol=1e-12)
