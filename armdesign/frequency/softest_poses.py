@@ -21,6 +21,8 @@ STEPS = 2  # of Newton's
 def softest_poses(machine: Machine, ranges: Array, q: Array, most: float = 1.0) -> Array:
     """Poses near some (n, nq), by Newton steps along the slopes of each actuator's force.
 
+    From where that is a number there and next to it: not where a four-bar is open.
+
     Args:
         machine: with the load case at work.
         ranges: of the joints (nq, 2) [rad, m]; no pose lies outside.
@@ -30,13 +32,15 @@ def softest_poses(machine: Machine, ranges: Array, q: Array, most: float = 1.0) 
     low, high = ranges.T
     found = [q[:0]]
     for i, actuator in enumerate(machine.actuators) if len(q) else ():
-        force_there, at = _force_at_equal_pressures(actuator, machine.supply), q
+        force_there, at, begun = _force_at_equal_pressures(actuator, machine.supply), q, q
         for _ in range(STEPS):
             force, slopes = _force_and_slopes(machine, ranges, at, i)
+            known = np.isfinite(force) & np.isfinite(slopes).all(axis=1)
+            at, begun, force, slopes = at[known], begun[known], force[known], slopes[known]
             size = np.maximum((slopes**2).sum(axis=1), 1e-9)
             shares = ((force_there - force) / size)[:, None] * slopes
             at = np.clip(at + shares * (high - low), low, high)
-        found.append(at[(np.abs(at - q) <= most * (high - low)).all(axis=1)])
+        found.append(at[(np.abs(at - begun) <= most * (high - low)).all(axis=1)])
     return np.concatenate(found)
 
 
@@ -47,7 +51,10 @@ def _force_at_equal_pressures(actuator: Actuator, supply: Supply) -> float:
 
 
 def _force_and_slopes(machine: Machine, ranges: Array, q: Array, i: int) -> tuple[Array, Array]:
-    """Static force of an actuator (n,) [N], and its slopes by shares of joint ranges (n, nq)."""
+    """Static force of an actuator (n,) [N], and its slopes by shares of joint ranges (n, nq).
+
+    NaN where a four-bar is open.
+    """
     low, high = ranges.T
     inward = np.where(q + STEP * (high - low) > high, -1.0, 1.0)
     aside = np.eye(len(low))[:, None] * (STEP * (high - low) * inward)
@@ -57,4 +64,5 @@ def _force_and_slopes(machine: Machine, ranges: Array, q: Array, i: int) -> tupl
         for rows in chunks(len(poses))
     )
     force = np.concatenate(list(parts)).reshape(len(low) + 1, len(q))
-    return force[0], ((force[1:] - force[0]) / STEP).T * inward
+    with np.errstate(invalid="ignore"):
+        return force[0], ((force[1:] - force[0]) / STEP).T * inward

@@ -26,11 +26,13 @@ from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
 from armdesign.frequency.workspace import Workspace
 from armdesign.machine.dead_centres import DeadCentre, dead_centre
 from armdesign.machine.machine import Machine
+from armdesign.machine.room import across, room
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.threads import one_blas_thread
 
 STARTS = 4  # local searches per load case
 FAR = 1.15  # times the lowest frequency: no search from poses above ends lower (trials: 1.02)
+OPEN = 1e3  # [Hz] above all frequencies: where a four-bar is open
 Starts: TypeAlias = dict[str, tuple[Array, Array]]
 
 
@@ -246,41 +248,65 @@ def lowest_rows(frequency: Array) -> Array:
 
 @one_blas_thread()
 def _descend(case: CasePoses, start: Array) -> Array | None:
-    """Local minimum of the lowest frequency (SLSQP); None if it lies outside the workspace."""
+    """Local minimum of the lowest frequency (SLSQP); None if it lies outside the workspace.
+
+    Then, or where the search ended higher, the lowest pose within that it came by.
+    """
     from scipy.optimize import minimize
 
-    machine, workspace = case.machine, case.workspace
+    machine, workspace, search = case.machine, case.workspace, _Search(case)
     low, high = workspace.ranges.T
-    span = high - low
-    payload, nq = machine.payload, len(low)
-
-    def value_and_gradient(x: Array) -> tuple[float, Array]:
-        ends = np.clip(x + 1e-6 * np.concatenate([np.eye(nq), -np.eye(nq)]), 0.0, 1.0)
-        at = low + np.concatenate([x[None], ends]) * span
-        f = lowest_frequency(machine.evaluate(case.rigid_at(at)))
-        slopes = (f[1 : nq + 1] - f[nq + 1 :]) / (ends[:nq] - ends[nq:]).diagonal()
-        return float(f[0]), slopes
-
-    def room(x: Array) -> Array:
-        rigid, left = machine.arm.kinematics((low + x * span)[None]), list[Array]()
-        if any(across):
-            left.append(workspace.machine.margins(rigid)[0, across] - workspace.end_margin)
-        if payload.limits:
-            left.append(-machine.pitch_excess(rigid, payload))
-        return np.concatenate(left)
-
-    across = [len(drive.joints) > 1 for drive in machine.drives]
-    constrained = bool(payload.limits) or any(across)
     result = minimize(
-        value_and_gradient,
-        (start - low) / span,
+        search.value_and_gradient,
+        (start - low) / (high - low),
         jac=True,
-        bounds=[(0.0, 1.0)] * nq,
-        constraints=[{"type": "ineq", "fun": room}] if constrained else [],
+        bounds=[(0.0, 1.0)] * len(low),
+        constraints=[{"type": "ineq", "fun": search.room}] if search.constrained else [],
         method="SLSQP",
         options={"maxiter": 60, "ftol": 1e-10},
     )
-    return _in_workspace(machine, workspace, np.clip(low + result.x * span, low, high))
+    q = _in_workspace(machine, workspace, search.pose(result.x))
+    tried = search.lowest_within()
+    if tried is None or (q is not None and result.fun <= tried[0] * (1 + 1e-9)):
+        return q
+    return _in_workspace(machine, workspace, search.pose(tried[1]))
+
+
+class _Search:
+    """The lowest frequency by shares x of the joint ranges, and the room that a pose leaves."""
+
+    def __init__(self, case: CasePoses) -> None:
+        self.case, self.machine, self.workspace = case, case.machine, case.workspace
+        self.tried = list[tuple[float, Array]]()
+        self.constrained = bool(case.machine.payload.limits or across(case.machine))
+
+    def pose(self, x: Array) -> Array:
+        """Joint positions (…, nq)."""
+        low, high = self.workspace.ranges.T
+        return np.asarray(np.clip(low + x * (high - low), low, high))
+
+    def value_and_gradient(self, x: Array) -> tuple[float, Array]:
+        """Frequency [Hz], ``OPEN`` where a four-bar is open; no slope beside such poses."""
+        nq = len(x)
+        ends = np.clip(x + 1e-6 * np.concatenate([np.eye(nq), -np.eye(nq)]), 0.0, 1.0)
+        at = self.pose(np.concatenate([x[None], ends]))
+        f = lowest_frequency(self.machine.evaluate(self.case.rigid_at(at)))
+        slopes = (f[1 : nq + 1] - f[nq + 1 :]) / (ends[:nq] - ends[nq:]).diagonal()
+        self.tried.append((float(f[0]), x.copy()))
+        return float(np.nan_to_num(f[0], nan=OPEN)), np.nan_to_num(slopes)
+
+    def room(self, x: Array) -> Array:
+        """Numbers that are ≥ 0 within strokes and pitch limits."""
+        rigid = self.machine.arm.kinematics(self.pose(x)[None])
+        left = room(self.workspace.machine, rigid, self.workspace.end_margin)[0]
+        if not self.machine.payload.limits:
+            return left
+        return np.append(left, -self.machine.pitch_excess(rigid, self.machine.payload))
+
+    def lowest_within(self) -> tuple[float, Array] | None:
+        """The lowest frequency of the poses that leave room, and its x; None without such."""
+        within = (at for at in self.tried if self.room(at[1]).min(initial=0.0) >= 0)
+        return min(within, key=lambda at: at[0], default=None)
 
 
 def _in_workspace(machine: Machine, workspace: Workspace, q: Array) -> Array | None:

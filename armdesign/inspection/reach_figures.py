@@ -7,7 +7,6 @@ of a grid are refined by SLSQP with exact slopes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,6 +17,7 @@ from armdesign.arrays import Array
 from armdesign.frequency.joint_grid import joint_axes, mesh
 from armdesign.machine.machine import Machine
 from armdesign.machine.reaching import place_and_slopes
+from armdesign.machine.room import across, room
 from armdesign.mechanism.linkage.base import Pin
 from armdesign.threads import one_blas_thread
 
@@ -76,7 +76,7 @@ class _Envelope:
     @classmethod
     def of(cls, machine: Machine) -> _Envelope:
         q = mesh(joint_axes(machine, None, 0.0))
-        q = q[machine.margins(q).min(axis=1) >= -1e-9] if _coupled(machine) else q
+        q = q[machine.margins(q).min(axis=1) >= -1e-9] if across(machine) else q
         return cls(machine, q, _places(machine, q)[0])
 
     @one_blas_thread()
@@ -93,44 +93,63 @@ class _Envelope:
             return None
         score = places @ aim - (0.0 if zero is None else 10 * np.abs(places @ zero))
         starts = self.q[rows[np.argsort(score)[-STARTS:]]]
-        return max(self._refined(starts, aim, zero, least), default=None)
+        best = self._best(self._refined(starts, aim, zero, least), aim, zero, least)
+        return best and best[0]
 
     def _refined(
         self, starts: Array, aim: Array, zero: Array | None, least: Array | None
-    ) -> Iterator[float]:
+    ) -> Array:
+        """All poses (n, nq) that descents from some starts have tried."""
         from scipy.optimize import minimize
 
         low, high = self.machine.ranges.T
-        span = high - low
+        span, tried = high - low, list[Array]()
+
+        def at(u: Array) -> Array:
+            return np.asarray(low + np.clip(u, 0.0, 1.0) * span)
 
         def along(line: Array, sign: float = 1.0) -> dict[str, Any]:
             return {
-                "fun": lambda u: sign * float(self._at(low + u * span)[0] @ line),
-                "jac": lambda u: sign * (line @ self._at(low + u * span)[1]) * span,
+                "fun": lambda u: sign * float(self._at(at(u))[0] @ line),
+                "jac": lambda u: sign * (line @ self._at(at(u))[1]) * span,
             }
+
+        def falling(u: Array) -> float:
+            tried.append(at(u))
+            return -float(self._at(tried[-1])[0] @ aim)
 
         conditions: list[dict[str, Any]] = []
         if zero is not None:
             conditions.append({"type": "eq", **along(zero)})
         if least is not None:
             conditions.append({"type": "ineq", **along(least)})
-        if _coupled(self.machine):
-            conditions.append({"type": "ineq", "fun": lambda u: self._finite(low + u * span)})
+        if across(self.machine):
+            conditions.append({"type": "ineq", "fun": lambda u: self._room(at(u))})
         for start in starts:
-            answer = minimize(
-                **along(aim, -1.0),
+            minimize(
+                **{**along(aim, -1.0), "fun": falling},
                 x0=(start - low) / span,
                 method="SLSQP",
                 bounds=[(0.0, 1.0)] * len(span),
                 constraints=conditions,
                 options={"ftol": 1e-13, "maxiter": 50},
             )
-            q = low + np.clip(answer.x, 0.0, 1.0) * span
-            places = self._at(q)[0]
-            met = zero is None or abs(places @ zero) < ACCURACY
-            held = least is None or places @ least > -ACCURACY
-            if met and held and self._margins(q).min() > -1e-6:
-                yield float(places @ aim)
+        return np.array(tried).reshape(-1, len(span))
+
+    def _best(
+        self, q: Array, aim: Array, zero: Array | None, least: Array | None
+    ) -> tuple[float, Array] | None:
+        """Largest value of those poses (n, nq) that meet all, and its pose; None if none does."""
+        places = _places(self.machine, q)[0]
+        kept = self.machine.margins(q).min(axis=1) > -1e-6
+        if zero is not None:
+            kept &= np.abs(places @ zero) < ACCURACY
+        if least is not None:
+            kept &= places @ least > -ACCURACY
+        if not kept.any():
+            return None
+        best = np.where(kept, places @ aim, -np.inf).argmax()
+        return float(places[best] @ aim), q[best]
 
     def _at(self, q: Array) -> tuple[Array, Array]:
         places, slopes = _places(self.machine, q[None])
@@ -139,9 +158,8 @@ class _Envelope:
     def _margins(self, q: Array) -> Array:
         return self.machine.margins(q[None])[0]
 
-    def _finite(self, q: Array) -> Array:
-        """The margins, 1 for a motor, which has no ends, and -1 where a four-bar is open."""
-        return np.nan_to_num(self._margins(q), posinf=1.0, neginf=-1.0)
+    def _room(self, q: Array) -> Array:
+        return room(self.machine, self.machine.arm.kinematics(q[None]))[0]
 
 
 def _places(machine: Machine, q: Array) -> tuple[Array, Array]:
@@ -150,11 +168,6 @@ def _places(machine: Machine, q: Array) -> tuple[Array, Array]:
     both = [place_and_slopes(machine, at, joints, q) for at in (machine.tool, _pivot(machine))]
     places, slopes = zip(*both, strict=True)
     return np.concatenate(places, axis=1), np.concatenate(slopes, axis=1)
-
-
-def _coupled(machine: Machine) -> bool:
-    """Whether a cylinder across several joints cuts the box of their ranges."""
-    return any(len(linkage.joints) > 1 for linkage in machine.linkages)
 
 
 def _pivot(machine: Machine) -> Pin:

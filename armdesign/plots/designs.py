@@ -59,10 +59,10 @@ def moment_arms(design: Design) -> Figure:
 def moment_arm_curves(machines: Mapping[str, Machine]) -> Figure:
     """Figure of every actuator's moment arm and torques about every joint, over its range.
 
-    A cylinder across several joints is drawn with the others in the middle of their ranges; motors
-    are not: their arm is 1 and their torque the same everywhere. The first machine says which
-    actuators and joints; the other machines are drawn beside it where they have actuators and
-    joints of these names.
+    A cylinder across several joints is drawn with the others in the middle of their ranges, where
+    it has a length there; motors are not: their arm is 1 and their torque the same everywhere. The
+    first machine says which actuators and joints; the other machines are drawn beside it where
+    they have actuators and joints of these names.
     """
     curves = {label: _curves(machine) for label, machine in machines.items()}
     first = next(iter(machines.values()))
@@ -92,7 +92,8 @@ def moment_arm_curves(machines: Mapping[str, Machine]) -> Figure:
         torques.set_xlabel(f"{joint_label(known)}; thin: retracting")
         about = f" about {joint}" if sum(name == other for other, _ in spans) > 1 else ""
         for ax in (arms, torques):
-            ax.set_ylim(0, 1.08 * max(line.get_ydata().max() for line in ax.lines))
+            top = max(np.nanmax(line.get_ydata(), initial=0.0) for line in ax.lines)
+            ax.set_ylim(0, 1.08 * top or 1.0)
             ax.grid(alpha=0.3)
         arms.set_title(f"{name} {actuator.kind}{about}", fontsize=10)
     if len(machines) > 1:

@@ -6,6 +6,7 @@ import numpy as np
 
 import armdesign as ad
 from armdesign.frequency.softest_poses import softest_poses
+from tests.opening import opening
 
 AIR = {"fluid.entrained_air_percent": 1.0}
 
@@ -40,3 +41,13 @@ def test_poses_near_random_ones_are_of_such_forces() -> None:
         before = np.abs(forces - expected)
         assert np.median(missed) < 0.1 * np.median(before)
     assert len(softest_poses(machine, machine.ranges, q[:0])) == 0
+
+
+def test_no_steps_from_where_a_four_bar_is_open() -> None:
+    """There forces are no numbers: warnings and poses that are none."""
+    machine = opening()
+    q = np.random.default_rng(0).uniform(*machine.ranges.T, (50, 3))
+    assert np.isneginf(machine.margins(q)).any()
+    found = softest_poses(machine, machine.ranges, q)
+    assert len(found) > 50
+    assert np.all((found >= machine.ranges[:, 0]) & (found <= machine.ranges[:, 1]))

@@ -10,7 +10,11 @@ from numpy.testing import assert_allclose
 from scipy.optimize import differential_evolution
 
 import armdesign as ad
+from armdesign.frequency.cases import load_cases
+from armdesign.frequency.modes import lowest_frequency
 from armdesign.frequency.worst_frequency import (
+    _Search,
+    local_minima,
     lowest_of_poses,
     lowest_rows,
     worst_anywhere,
@@ -18,6 +22,7 @@ from armdesign.frequency.worst_frequency import (
 )
 from tests import machines
 from tests.frequency.cached import mapped
+from tests.opening import opening
 
 SERIAL = ("paper_1dof", "excavator_20t", "four_bar_left", "crossing", "branched")
 
@@ -183,3 +188,20 @@ def test_equally_low_poses_come_in_the_order_of_the_workspace() -> None:
     frequency = np.tile([3.0, 1.0, 2.0], 2000)
     in_order = sorted(range(6000), key=lambda row: (frequency[row], row))[:300]
     assert lowest_rows(frequency).tolist() == in_order
+
+
+def test_a_descent_from_where_a_four_bar_is_open_ends_in_the_workspace() -> None:
+    """It has no frequency and no strokes there: the way back is by how far it is open."""
+    machine = opening()
+    workspace = ad.Workspace.grid(machine, points=4)
+    case = next(load_cases(machine, workspace))
+    frequency = lowest_frequency(case.machine.at(workspace.q))
+    q = np.array([[0.4, -1.0, 0.75]])
+    assert np.isneginf(machine.margins(q)).any()
+    minima = [at for at, _ in local_minima(case, frequency, q)]
+    assert len(minima) > 1
+    assert machine.margins(np.array(minima)).min() >= workspace.end_margin - 1e-9
+    search = _Search(case)
+    for x in np.array([[0.6, 0.6, 0.905], [0.6, 0.6, 0.88]]):  # open, and next to that
+        value, slopes = search.value_and_gradient(x)
+        assert np.isfinite([value, *slopes, *search.room(x)]).all()

@@ -12,6 +12,7 @@ from armdesign.inspection.reach_figures import reach_figures
 from tests.design.requirements.shared import shipped_reference
 from tests.machine.shipped_facts import foot
 from tests.machines import BOOM, LIFT, STICK, CylinderSpec, Joint, build, named
+from tests.opening import opening
 from tests.planar_arm import at
 
 EXCAVATORS = ["excavator_20t", "excavator_12t", "mini_excavator_2t"]
@@ -118,3 +119,9 @@ def test_what_a_machine_never_does_is_none() -> None:
     figures = reach_figures(named("patu_boom"))
     assert (figures.reach_at_ground, figures.dump_height) == (None, None)
     assert figures.depth == pytest.approx(-0.21, abs=0.005)
+
+
+def test_the_highest_pose_is_where_a_four_bar_all_but_opens() -> None:
+    """2.861 m by 400 000 random poses and steps at random from the best (2.744 m before)."""
+    figures = reach_figures(opening())
+    assert figures.height == pytest.approx(2.8612, abs=5e-4)

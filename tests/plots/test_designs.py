@@ -12,6 +12,7 @@ import pytest
 from armdesign import Machine, lift_chart, plots
 from armdesign.report.lift_charts import lift_charts
 from tests import machines
+from tests.opening import opening
 
 
 def test_curves_of_moment_arms_take_any_machines(tmp_path: Path) -> None:
@@ -120,3 +121,10 @@ def test_charts_without_common_points_say_so() -> None:
     ax = plots.lift_charts({"one": chart, "other": apart}).axes[2]
     assert [text.get_text() for text in ax.texts] == ["no common points"]
     assert not ax.child_axes
+
+
+def test_a_curve_has_a_gap_where_a_four_bar_is_open() -> None:
+    figure = plots.moment_arm_curves({"today": opening()})
+    drawn = [line.get_ydata() for ax in figure.axes for line in ax.lines]
+    assert any(np.isnan(values).any() for values in drawn)
+    assert all(np.isfinite(ax.get_ylim()).all() for ax in figure.axes)

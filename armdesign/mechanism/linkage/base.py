@@ -85,7 +85,7 @@ class Linkage(Drive):
     To add a kind of linkage:
 
     1. A subclass in a file of its own: fields, class attributes, ``rod_end_from`` and, where they
-       apply, ``observer``, ``closes``, ``fault``, ``transmission``; its name in ``kinds.py``.
+       apply, ``observer``, ``closure``, ``fault``, ``transmission``; its name in ``kinds.py``.
     2. Its table in ``machine/file/schema.py``, in ``CylinderSection`` under its ``key``: a pin for
        each of ``pin_names``, a length ``…_mm`` and a mass ``…_kg`` for each of ``bar_names``.
        ``machine/file/json_schema.py`` describes them to editors.
@@ -192,9 +192,13 @@ class Linkage(Drive):
         plane of the directions ``right`` and ``up`` in the frame of the pivot's joint.
         """
 
+    def closure(self, poses: RigidPoses) -> Array:
+        """How far the linkage is from where it opens (n,); with slopes beyond, where it is < 0."""
+        return np.ones(len(poses))
+
     def closes(self, poses: RigidPoses) -> Flags:
         """Whether the linkage can be assembled (n,)."""
-        return np.ones(len(poses), dtype=bool)
+        return np.asarray(self.closure(poses) > 0)
 
     def fault(self, where: str) -> MachineFileError | None:
         """Fault where links and joints do not suit the kind; ``where`` names its cylinder."""

@@ -12,7 +12,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.jets import ScalarJet, VectorJet
 from armdesign.mechanism.linkage.base import Linkage, Pin
@@ -83,12 +83,12 @@ class FourBar(Linkage):
         bent = (square * i_3 - slope * slope - x * curvature - steep * steep) / y
         return e.through(x, slope, curvature), e.through(y, steep, bent)
 
-    def closes(self, poses: RigidPoses) -> Flags:
-        """Whether rocker and coupler reach each other (n,): whether y² > 0."""
-        u = self._pivot_to_lug(poses)
+    def closure(self, poses: RigidPoses) -> Array:
+        """Squared sine of the angle at the knee (n,), y² e²/(ab)² with e = u·u."""
+        a, b, u = self.rocker, self.coupler, self._pivot_to_lug(poses)
         e = np.einsum("ni,ni->n", u, u)
-        x = 0.5 + (self.rocker**2 - self.coupler**2) / (2 * e)
-        return np.asarray(self.rocker**2 / e - x**2 > 0)
+        x = 0.5 + (a**2 - b**2) / (2 * e)
+        return np.asarray((a**2 / e - x**2) * (e / (a * b)) ** 2)
 
     def transmission(self, poses: RigidPoses) -> Array:
         """Cosine of the angle at the knee (n,), beyond ±1 where the bars do not meet.
