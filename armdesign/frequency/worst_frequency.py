@@ -266,10 +266,12 @@ def _descend(case: CasePoses, start: Array) -> Array | None:
         options={"maxiter": 60, "ftol": 1e-10},
     )
     q = _in_workspace(machine, workspace, search.pose(result.x))
-    tried = search.lowest_within()
-    if tried is None or (q is not None and result.fun <= tried[0] * (1 + 1e-9)):
-        return q
-    return _in_workspace(machine, workspace, search.pose(tried[1]))
+    for frequency, x in sorted(search.tried, key=lambda at: at[0]):
+        if q is not None and result.fun <= frequency * (1 + 1e-9):
+            break
+        if search.room(x).min(initial=0.0) >= 0:
+            return _in_workspace(machine, workspace, search.pose(x))
+    return q
 
 
 class _Search:
@@ -292,8 +294,9 @@ class _Search:
         at = self.pose(np.concatenate([x[None], ends]))
         f = lowest_frequency(self.machine.evaluate(self.case.rigid_at(at)))
         slopes = (f[1 : nq + 1] - f[nq + 1 :]) / (ends[:nq] - ends[nq:]).diagonal()
-        self.tried.append((float(f[0]), x.copy()))
-        return float(np.nan_to_num(f[0], nan=OPEN)), np.nan_to_num(slopes)
+        value = float(np.nan_to_num(f[0], nan=OPEN))
+        self.tried.append((value, x.copy()))
+        return value, np.nan_to_num(slopes)
 
     def room(self, x: Array) -> Array:
         """Numbers that are ≥ 0 within strokes and pitch limits."""
@@ -302,11 +305,6 @@ class _Search:
         if not self.machine.payload.limits:
             return left
         return np.append(left, -self.machine.pitch_excess(rigid, self.machine.payload))
-
-    def lowest_within(self) -> tuple[float, Array] | None:
-        """The lowest frequency of the poses that leave room, and its x; None without such."""
-        within = (at for at in self.tried if self.room(at[1]).min(initial=0.0) >= 0)
-        return min(within, key=lambda at: at[0], default=None)
 
 
 def _in_workspace(machine: Machine, workspace: Workspace, q: Array) -> Array | None:
