@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import accumulate
 from typing import Any
 
 from armdesign.errors import ArmDesignError, MachineFileError
-from armdesign.machine.file.key_paths import Location
+from armdesign.machine.file.key_paths import Location, is_requirement
 from armdesign.machine.file.machine_file import flat
 from armdesign.machine.file.numbers import chosen_numbers, numbers_of
 from armdesign.machine.file.toml_writing import edit
@@ -53,7 +54,8 @@ def changed_machine(
 
     Args:
         machine: the machine.
-        changes: values by key path.
+        changes: values by key path; below ``requirements`` also tables, and keys that the file
+            leaves out.
         part: what states them, for messages.
         check: whether the machine must fit together; one that does not can be drawn.
 
@@ -77,9 +79,10 @@ def changed_machine(
             if path == "urdf":  # is read with the file
                 remedy = "write a machine file that names it"
                 raise ArmDesignError(f"{part} urdf", "is another file, no number of this", remedy)
-            if path not in known:
+            if path not in known and not is_requirement(tuple(path.split("."))):
                 _refuse_unknown(machine, path, f"{part} {path}")
             whole[path] = value
+    _refuse_parts(whole, part)
     values = {path: _as_before(known.get(path), value) for path, value in whole.items()}
     values = {path: value for path, value in values.items() if not _same(known.get(path), value)}
     source = machine.source
@@ -91,6 +94,15 @@ def changed_machine(
     except MachineFileError as error:
         _blame(error, changes, part, source.name)
         raise
+
+
+def _refuse_parts(paths: Collection[str], part: str) -> None:
+    """Raise for a key path within a table that is given as a whole, too."""
+    for path in paths:
+        for table in accumulate(path.split(".")[:-1], "{}.{}".format):
+            if table in paths:
+                fault = f"is a part of {table}, which is given, too"
+                raise ArmDesignError(f"{part} {path}", fault, "leave one out")
 
 
 def _blame(error: MachineFileError, changes: Mapping[str, Any], part: str, source: str) -> None:

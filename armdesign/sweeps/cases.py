@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from numbers import Real
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,7 @@ def grid_changes(values: Mapping[str, Sequence[Any]]) -> list[Changes]:
     """
     rows: list[list[Any]] = []
     for path, row in values.items():
-        if isinstance(row, str) or not isinstance(row, Iterable):
+        if isinstance(row, str) or not _is_listed(row):
             remedy = "give a list, such as [110, 120]"
             raise ArmDesignError(str(path), f"{row!r} is no list of values", remedy)
         rows.append(_first(MOST, row))
@@ -84,7 +84,7 @@ def sobol_changes(
     import numpy as np
     from scipy.stats import qmc
 
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+    if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
         raise ArmDesignError("sobol count", f"{count!r} is not allowed", "give a whole number ≥ 1")
     refuse_unless_seed(seed)
     refuse_many(count)
@@ -105,7 +105,12 @@ def sobol_changes(
 
 def _first(count: int, values: Any) -> list[Any]:
     """The first values, which may be made one by one, and one more if there are more."""
-    return list(itertools.islice(values, count + 1)) if isinstance(values, Iterable) else []
+    return list(itertools.islice(values, count + 1)) if _is_listed(values) else []
+
+
+def _is_listed(values: Any) -> bool:
+    """Whether values come one by one, as of an array that is no number alone."""
+    return isinstance(values, Iterable) and getattr(values, "ndim", 1) > 0
 
 
 def _is_range(row: list[Any]) -> bool:

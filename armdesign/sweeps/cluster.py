@@ -1,7 +1,8 @@
 """Cases on a cluster, by dask.distributed: the only door to it.
 
 The study goes to every worker once, also to those that come later. The scheduler gives the cases
-of a dead worker to others. It needs no armdesign itself, nor do workers that take no case.
+of a dead worker to others; the one that kills its workers is known once it is alone. The scheduler
+needs no armdesign itself, nor do workers that take no case.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import logging
 import pickle
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -64,45 +65,106 @@ def on_cluster(
 def _answers(
     parcel: Sent, cases: Sequence[Case], address: str, watch: _Watch
 ) -> Iterator[tuple[Case, Outcome]]:
-    from distributed import as_completed
-
     client, plugin = _client(address), f"{PREFIX}{parcel.name}"
-    passed = Counter[str]()  # how often workers without the study passed a case on
-    asked = _asked(parcel.name)
     try:
         _register(client, parcel, plugin, address)
         watch.begin(client)
+        yield from _Given(client, parcel.name, watch).outcomes(cases)
+    finally:
+        with undisturbed():
+            _unregister(client, plugin)
+            client.close(timeout=PATIENCE)  # which drops what is still to do
 
-        def submitted(case: Case) -> Any:
-            name = f"{plugin}-{len(watch.named)}-{case.key}"
-            watch.named[name] = case
-            return client.submit(asked, pickle.dumps(case), key=name, pure=False)
 
-        futures = as_completed([submitted(case) for case in cases], loop=client.loop)
+@dataclass
+class _Given:
+    """Cases that a scheduler was given.
+
+    It gives a case up after some deaths of workers that had it, though others that they had may
+    have killed them. Such a suspect is tried again alone, as on processes: it is at fault if it is
+    given up then, or if a worker died that had nothing else.
+
+    Attributes:
+        client: of the scheduler.
+        name: of the study.
+        watch: what the scheduler tells.
+        passed: how often workers without the study passed a case on, by key.
+        deaths: of a case's workers, by key, as the scheduler counts them.
+        suspects: cases that are still to be tried alone, by key.
+    """
+
+    client: Any
+    name: str
+    watch: _Watch
+    passed: Counter[str] = field(default_factory=Counter)
+    deaths: Counter[str] = field(default_factory=Counter)
+    suspects: dict[str, Case] = field(default_factory=dict)
+
+    def outcomes(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
+        """Cases with their outcomes, as they come; each suspect alone, once no other is left."""
+        yield from self._together(cases)
+        while self.suspects:
+            yield from self._together([self.suspects.pop(next(iter(self.suspects)))])
+
+    def _together(self, cases: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
+        from distributed import as_completed
+
+        futures = as_completed([self._submitted(case) for case in cases], loop=self.client.loop)
         while not futures.is_empty():
             while not futures.has_ready():
-                watch.look()
+                self.watch.look()
                 time.sleep(LOOK)
-            watch.look()
+            self.watch.look()
             future = next(futures)
+            case = self.watch.named[str(future.key)]
             try:
-                case, outcome = watch.named[str(future.key)], _outcome(future, address)
+                outcome = self._outcome(case, future)
             except TimeoutError:  # its worker died before it gave the answer away, or hangs
                 futures.add(future)
                 continue
             future.release()
             if outcome is not None:
                 yield case, outcome
-                continue
-            passed[case.key] += 1
-            if passed[case.key] % PAUSES or _is_taken(client, parcel.name, address):
-                futures.add(submitted(case))  # others were busy
-            else:
-                yield case, Outcome(answer={}, seconds=0.0, error=NOT_TAKEN, final=False)
-    finally:
-        with undisturbed():
-            _unregister(client, plugin)
-            client.close(timeout=PATIENCE)  # which drops what is still to do
+            elif case.key not in self.suspects:
+                futures.add(self._submitted(case))
+
+    def _submitted(self, case: Case) -> Any:
+        name = f"{PREFIX}{self.name}-{len(self.watch.named)}-{case.key}"
+        self.watch.named[name] = case
+        return self.client.submit(_asked(self.name), pickle.dumps(case), key=name, pure=False)
+
+    def _outcome(self, case: Case, future: Any) -> Outcome | None:
+        """The outcome of a case; None where it is to be tried again.
+
+        Raises:
+            ArmDesignError: the scheduler is gone.
+            TimeoutError: the worker that has it does not answer.
+        """
+        from distributed import KilledWorker
+
+        try:
+            outcome: Outcome | None = future.result(timeout=LAST)
+        except KilledWorker as error:
+            return self._given_up(case, 1 + int(error.allowed_failures))
+        except CancelledError:
+            raise _gone(self.watch.address) from None
+        if outcome is None:
+            self.passed[case.key] += 1
+            if self.passed[case.key] % PAUSES == 0 and not self._is_taken():  # none is just busy
+                return Outcome(answer={}, seconds=0.0, error=NOT_TAKEN, final=False)
+        return outcome
+
+    def _is_taken(self) -> bool:
+        return _is_taken(self.client, self.name, self.watch.address)
+
+    def _given_up(self, case: Case, deaths: int) -> Outcome | None:
+        """That a case kills its workers; None where another may have, and it is now a suspect."""
+        suspected = case.key in self.deaths
+        self.deaths[case.key] += deaths
+        if suspected or case.key in self.watch.died_alone:
+            return died(self.deaths[case.key])
+        self.suspects[case.key] = case
+        return None
 
 
 @contextmanager
@@ -251,12 +313,14 @@ class _Watch:
         died_at: told each case whose worker died.
         say: told when there is no worker, and when one has come.
         named: the cases by their names at the scheduler.
+        died_alone: keys of the cases at which a worker died that had nothing else to do.
     """
 
     address: str
     died_at: Callable[[Case], None]
     say: Callable[[str], None]
     named: dict[str, Case] = field(default_factory=dict)
+    died_alone: set[str] = field(default_factory=set)
     _events: deque[Any] = field(default_factory=deque)
     _workers: set[str] = field(default_factory=set)
     _said: bool = False
@@ -278,36 +342,20 @@ class _Watch:
                 self._workers.add(event["worker"])
             elif action == "remove-worker":
                 self._workers.discard(event["worker"])
-                for name in _lost(event):
-                    if name in self.named:
-                        self.died_at(self.named[name])
+                lost = _lost(event)
+                for case in (self.named[name] for name in lost if name in self.named):
+                    self.died_at(case)
+                    if len(lost) == 1:
+                        self.died_alone.add(case.key)
         if self._said is bool(self._workers):
             self._said = not self._workers
             start = f"waits for a worker; start one with: dask worker {self.address}"
             self.say(start if self._said else "a worker has come")
 
 
-def _lost(event: dict[str, Any]) -> Iterable[str]:
-    """Keys of the cases under way on a worker that has died."""
-    return map(str, () if event.get("expected") else event.get("processing-tasks") or ())
-
-
-def _outcome(future: Any, address: str) -> Outcome | None:
-    """The outcome of a case; None where its worker passed it on.
-
-    Raises:
-        ArmDesignError: the scheduler is gone.
-        TimeoutError: the worker that has it does not answer.
-    """
-    from distributed import KilledWorker
-
-    try:
-        outcome: Outcome | None = future.result(timeout=LAST)
-    except KilledWorker as error:
-        return died(1 + int(error.allowed_failures))
-    except CancelledError:
-        raise _gone(address) from None
-    return outcome
+def _lost(event: dict[str, Any]) -> list[str]:
+    """Keys of the tasks that a worker that has died still had to do."""
+    return [] if event.get("expected") else [str(k) for k in event.get("processing-tasks") or ()]
 
 
 def _gone(address: str) -> ArmDesignError:

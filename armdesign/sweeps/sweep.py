@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 from uuid import uuid4
 
-from armdesign.arguments import checked, refuse_unless, with_options
+from armdesign.arguments import checked, refuse_unless, refuse_unless_seed, with_options
 from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, is_keeping
@@ -96,7 +96,8 @@ def sweep(
             for each key path.
         seed: of that sequence.
         payloads: names of load cases, each alone; None: all together.
-        requirements: keys of ``[requirements]`` and their values, one mapping per set.
+        requirements: keys of ``[requirements]``, whether the file has them or not, and their
+            values or whole tables, one mapping per set.
         outputs: names of the answers that the frame has, in this order; None: all. A journal has
             all of them.
         options: of the task, numbers, words, requirements and bands, of which every case has a
@@ -361,6 +362,7 @@ def _changes(
         ArmDesignError: no changes that can be made, or no ranges for a Sobol sequence.
     """
     requirements = variants["requirements"]
+    refuse_unless_seed(variants["seed"])
     if not variants["sobol"]:
         if variants["seed"]:
             raise ArmDesignError("seed", "is of no sequence", "give sobol too, or no seed")

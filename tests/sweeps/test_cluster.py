@@ -51,8 +51,8 @@ def dask(folder: Path) -> Iterator[tuple[str, Start, subprocess.Popen[bytes]]]:
             stack.callback(process.kill)
             return process
 
-        def worker() -> subprocess.Popen[bytes]:
-            loopback = ("--host", "127.0.0.1", "--no-dashboard", "--no-nanny")
+        def worker(nanny: str = "--no-nanny") -> subprocess.Popen[bytes]:
+            loopback = ("--host", "127.0.0.1", "--no-dashboard", nanny)
             return start("dask_worker", address, *loopback, "--nthreads", "1")
 
         free.close()

@@ -180,3 +180,25 @@ def test_a_cluster_without_workers_is_said(tmp_path: Path) -> None:
     waits, come = f"waits for a worker; start one with: dask worker {address}", "a worker has come"
     said = [text for text in messages if not text.startswith("a worker died")]
     assert said == [waits, come, "1 of 2 cases", waits, come, "2 of 2 cases"]
+
+
+def kills(machine: ad.Machine, _: ad.Workspace) -> dict[str, float]:
+    """A task that ends its worker at one load case, while others wait behind it."""
+    mass = machine.payloads[-1].mass
+    time.sleep(0.2)
+    if mass == 100:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"mass": mass}
+
+
+def test_a_case_is_not_blamed_for_what_another_did_to_its_worker(tmp_path: Path) -> None:
+    """The scheduler counts every case that a dead worker had, those that waited there too."""
+    masses = [50.0, 100.0, 150.0, 200.0, 250.0]
+    with dask(tmp_path) as (address, worker, _):
+        worker("--nanny")  # which begins another worker in place of a dead one
+        here(address, 1)
+        changes = {"payload.load.mass_kg": masses}
+        frame = sweep("paper_1dof", changes, kills, points=2, scheduler=address).frame
+    blamed = frame["error"].str.startswith("its worker died")
+    assert frame["payload.load.mass_kg"][blamed].tolist() == [100.0]
+    assert frame["mass"][~blamed].tolist() == [50.0, 150.0, 200.0, 250.0]

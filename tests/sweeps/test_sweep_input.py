@@ -4,15 +4,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import armdesign as ad
 from armdesign.machine.changes import changed_machine
+from armdesign.machine.file.schema import RequirementsSection
 from armdesign.sweeps.numbers import of_design
 from armdesign.sweeps.study_file import read_study
 
+BOX = [[-9000, -9000], [9000, -9000], [9000, 9000], [-9000, 9000]]
+FAR = [[8000, 8000], [9000, 8000], [9000, 9000]]
+TABLES: dict[str, Any] = {  # requirements that are tables, and two that few files have
+    "lift_share": {"lift": 0.8},
+    "digging": {"cylinders": ["lift"], "share": 0.9},
+    "digging_kN": {"lift": 20.0},
+    "buckling_factor": 2.5,
+    "pin_boxes_mm": {"lift": {"base": 50.0}},
+    "catalogue": "5mm",
+    "speed": {"up": {"joint_deg_per_s": {"JOINT": 10.0}, "at": "every"}},
+    "lift": {"pipe": {"mass_kg": 50.0, "joint_deg": {"JOINT": 20.0}}},
+    "outline": {"LINK": {"points_mm": BOX, "pin_radius_mm": 60.0}},
+    "clearance": {"rail": {"cylinders": ["lift"], "link": "LINK", "points_mm": FAR}},
+}
 MODULI = {"fluid.bulk_modulus_MPa": [900.0, 1000.0, 1200.0, 1400.0]}
 
 
@@ -119,3 +135,101 @@ def test_the_value_that_the_file_has_changes_nothing() -> None:
     for value in (bore, int(bore)):
         assert changed_machine(machine, {"cylinder.lift.bore_mm": value}).text == machine.text
     assert changed_machine(machine, {"cylinder.lift.bore_mm": bore + 1}).text != machine.text
+
+
+def named(value: Any, names: dict[str, str]) -> Any:
+    """A requirement with the names of a machine's own parts."""
+    if isinstance(value, dict):
+        return {names.get(key, key): named(item, names) for key, item in value.items()}
+    return names.get(value, value) if isinstance(value, str) else value
+
+
+def contained(part: Any, whole: Any) -> bool:
+    """Whether a table has all that another says, beside defaults."""
+    if isinstance(part, dict):
+        return all(contained(item, whole[key]) for key, item in part.items())
+    return bool(part == whole)
+
+
+@pytest.mark.parametrize(
+    ("machine", "names"),
+    [
+        ("paper_1dof", {"JOINT": "boom", "LINK": "boom"}),
+        ("loader_crane", {"JOINT": "lift_boom", "LINK": "lift_boom"}),
+    ],
+)
+def test_every_requirement_can_be_set_whether_the_file_has_it_or_not(
+    machine: str, names: dict[str, str]
+) -> None:
+    """As a whole, in place of what the file has; only numbers that it has could be."""
+    model = ad.load(machine)
+    fields = RequirementsSection.model_fields
+    for key, field in fields.items():
+        before = getattr(model.section.requirements, key)
+        plain = "stepped" if key == "buckling_column" else field.default or 100.0
+        value = named(TABLES.get(key, plain), names)
+        changed = changed_machine(model, {f"requirements.{key}": value}, "sweep")
+        after = changed.section.requirements.model_dump()
+        assert contained(value, after[key]), key
+        if isinstance(value, dict) and isinstance(before, dict):
+            assert set(after[key]) <= {"default", *value}
+        kept = model.section.requirements.model_dump()
+        assert all(after[other] == kept[other] for other in fields if other != key)
+
+
+def test_requirements_of_a_sweep_are_values_and_tables() -> None:
+    """They were "no number that can vary", and a table could not be set at all."""
+    crane: list[dict[str, Any]] = [
+        {"torque_share": 0.9},
+        {"torque_share": {"extension": 0.9}},
+        {"catalogue": "5mm"},
+        {"torque_share": {"nobody": 0.9}},
+        {"speed": {"up": {"at": "never"}}},
+        {"torque_share": 0.9, "torque_share.extension": 0.8},
+    ]
+
+    def asked(machine: ad.Machine, _: ad.Workspace) -> dict[str, Any]:
+        rules = machine.section.requirements
+        return {"share": str(rules.torque_share), "sizes": rules.catalogue}
+
+    frame = ad.sweep("loader_crane", None, asked, requirements=crane, points=2).frame
+    assert frame["share"].tolist()[:2] == ["0.9", "{'default': 0.95, 'extension': 0.9}"]
+    assert frame["sizes"].tolist()[:3] == ["iso", "iso", "5mm"]
+    nobody, never, twice = frame["error"].tolist()[3:]
+    assert 'requirements.torque_share: no actuator "nobody"' in nobody
+    assert 'requirements.speed: "never" is not allowed; give one of "mean", "every"' in never
+    assert "extension: is a part of requirements.torque_share, which is given, too" in twice
+
+
+def test_tables_of_requirements_in_a_study_are_key_paths(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(
+        'machine = "paper_1dof"\npoints = 2\n[[requirements]]\ncatalogue = "iso"\n'
+        'speed.up = { joint_deg_per_s = { boom = 10 }, at = "every" }\n'
+    )
+    answers = ad.sweep(**read_study(study, ad.load))
+    assert not answers.failures
+    assert answers.frame["requirements.speed.up.joint_deg_per_s.boom"].tolist() == [10]
+
+
+def test_an_array_that_is_one_number_is_no_list_of_values() -> None:
+    alone = {"cylinder.lift.bore_mm": np.array(60.0)}
+    with pytest.raises(ad.ArmDesignError, match="is no list of values"):
+        ad.sweep("paper_1dof", alone, points=2)
+    with pytest.raises(ad.ArmDesignError, match="is no range"):
+        ad.sweep("paper_1dof", alone, points=2, sobol=2)
+
+
+def test_whole_numbers_of_a_sobol_sequence_may_be_numpys() -> None:
+    bores = {"cylinder.lift.bore_mm": [60, 70]}
+    how: dict[str, Any] = {"sobol": np.int64(2), "seed": np.int64(1)}
+    of_numpy = ad.sweep("paper_1dof", bores, points=2, **how)
+    plain = ad.sweep("paper_1dof", bores, points=2, sobol=2, seed=1)
+    assert [case.key for case in of_numpy.cases] == [case.key for case in plain.cases]
+
+
+@pytest.mark.parametrize("more", [{}, {"sobol": 2}])
+@pytest.mark.parametrize("seed", [True, False])
+def test_a_truth_value_is_no_seed(more: dict[str, int], seed: bool) -> None:
+    with pytest.raises(ad.ArmDesignError, match=f"seed: {seed} is not allowed; give a whole"):
+        ad.sweep("paper_1dof", {"cylinder.lift.bore_mm": [60, 70]}, seed=seed, **more)

@@ -91,6 +91,15 @@ def annotation(location: Location) -> tuple[Any, list[Any]]:
     return unwrap(forms(kind)[0]) if len(forms(kind)) > 1 else (kind, constraints)
 
 
+def is_requirement(location: Location) -> bool:
+    """Whether the schema has a key path below ``[requirements]``: it may be set in any file."""
+    try:
+        annotation(location)
+    except (KeyError, TypeError, AttributeError):
+        return False
+    return len(location) > 1 and location[0] == "requirements"
+
+
 def allowed(location: Location) -> str:
     """Description of the values that a key path may have."""
     try:

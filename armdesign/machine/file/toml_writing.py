@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_origin
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from armdesign.errors import MachineFileError, choose
-from armdesign.machine.file.key_paths import annotation, is_table
+from armdesign.machine.file.key_paths import annotation, is_requirement, is_table
 from armdesign.machine.file.schema import BY_ACTUATOR, DEFAULT
 
 _BY_ACTUATOR = [["requirements", key] for key in BY_ACTUATOR]  # numbers that may become tables
@@ -19,7 +19,9 @@ ONE_LINE = {"link", "at_mm", "cap", "annulus", "a", "b"}  # keys of tables writt
 
 
 def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
-    """The text with the leaf values at some key paths changed and all else as it was.
+    """The text with the values at some key paths changed and all else as it was.
+
+    A requirement may be a whole table, and new: its tables are made. Others only change.
 
     Raises:
         MachineFileError: a path that the file's schema does not have.
@@ -45,21 +47,32 @@ def edit(text: str, changes: Mapping[str, Any], source: str) -> str:
             if not hasattr(node, "keys"):
                 own = ".".join(tables[: depth + 1])
                 raise MachineFileError(f"{source}: {path}", *_not_a_table(own, node))
+        if is_requirement(tuple(path.split("."))) and isinstance(node.get(leaf), dict):
+            del node[leaf]  # a table or a value takes its place as a whole
         _set_leaf(node, leaf, value, f"{source}: {path}")
     new = tomlkit.dumps(document)
     windows = "\n" in text and text.count("\n") == text.count("\r\n")
     return re.sub("(?<!\r)\n", "\r\n", new) if windows else new  # new keys have \n alone
 
 
-def _inline(values: Mapping[str, Any]) -> Any:
+def _inline(value: Any) -> Any:
+    """A value, tables in it on one line, so that they can stand in any table."""
+    if not isinstance(value, Mapping):
+        return value
     table = tomlkit.inline_table()
-    table.update(values)
+    for key, item in value.items():
+        table[key] = _inline(item)
     return table
 
 
 def _refuse_new_table(location: tuple[str, ...], node: Any, where: str) -> None:
-    """Raise unless the schema has this table: a change makes no load cases and no cylinders."""
+    """Raise unless the schema has this table: a change makes no load cases and no cylinders.
+
+    It does make requirements, which the schema judges whole.
+    """
     parent, _ = annotation(location[:-1])
+    if is_requirement(location) and get_origin(parent) is dict:
+        return
     known = parent.model_fields if is_table(parent) else node
     if known is node or location[-1] not in known:
         fault = f'no "{location[-1]}" in the file'
@@ -90,7 +103,7 @@ def _set_leaf(node: Any, leaf: str, value: Any, where: str) -> None:
                 if old[index] != item:  # so that 0 does not become 0.0
                     old[index] = item
         else:
-            node[leaf] = value
+            node[leaf] = _inline(value)
     except (TypeError, ValueError, TOMLKitError):
         fault, remedy = f"cannot hold {value!r}", "give a number or a text"
         raise MachineFileError(where, fault, remedy) from None
@@ -128,4 +141,6 @@ def _plain(value: Any) -> Any:
     """Numbers and lists of numpy as Python's own."""
     if hasattr(value, "tolist"):
         value = value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
