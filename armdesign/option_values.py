@@ -81,8 +81,6 @@ def pose_of(
 
     ``last``: positions of joints that are not named, if there are any.
     """
-    from armdesign.machine.heading import known_ranges
-
     joints = {joint.name: joint for joint in machine.arm.joints}
     units = {
         name: ("deg", deg) if joint.revolute else ("mm", mm) for name, joint in joints.items()
@@ -97,7 +95,7 @@ def pose_of(
             raise ArmDesignError(option, fault, remedy) from None
     if missing := [name for name in joints if name not in pose]:
         raise ArmDesignError(option, f"says nothing of {' and '.join(missing)}", remedy)
-    for name, (low, high) in zip(joints, known_ranges(machine).tolist(), strict=True):
+    for name, (low, high) in zip(joints, machine.known_ranges.tolist(), strict=True):
         if not low <= (value := pose[name]) <= high:
             unit, factor = units[name]
             ends = math.ceil(10 * low / factor) / 10, math.floor(10 * high / factor) / 10

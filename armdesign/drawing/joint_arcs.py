@@ -16,7 +16,6 @@ from armdesign.arrays import Array
 from armdesign.drawing.outlines import DrawnBody
 from armdesign.drawing.plane import PicturePlane
 from armdesign.errors import ArmDesignError
-from armdesign.machine.heading import known_ranges
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -53,7 +52,7 @@ def joint_arcs(
     """Arcs of all joints of poses that move in the picture."""
     arm, arcs = machine.arm, []
     for j, (joint, (lower, upper)) in enumerate(
-        zip(arm.joints, known_ranges(machine).tolist(), strict=True)
+        zip(arm.joints, machine.known_ranges.tolist(), strict=True)
     ):
         if not in_picture(machine, plane, j):
             continue
@@ -62,8 +61,7 @@ def joint_arcs(
         marks = plane.poses(q)
         own, before = bodies[j + 1].link, bodies[joint.parent + 1].link
         place = arm.point(marks, own, _mark(machine, plane, j, own))
-        seen_from = arm.link_rotation(plane.zero, before)[0]
-        local = (place - arm.point(plane.zero, before, np.zeros(3))) @ seen_from
+        local = arm.in_link(plane.zero, before, place)
         arcs.append(
             JointArc(
                 joint=joint.name,
@@ -98,7 +96,7 @@ def refuse_other_joints(machine: Machine, other: Machine) -> None:
 
 def middle_pose(machine: Machine) -> Array:
     """The middle of all joint ranges (nq,) [rad, m]."""
-    return np.asarray(known_ranges(machine).mean(axis=1))
+    return np.asarray(machine.known_ranges.mean(axis=1))
 
 
 def _mark(machine: Machine, plane: PicturePlane, j: int, link: str) -> Array:

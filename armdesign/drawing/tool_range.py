@@ -16,7 +16,6 @@ from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import in_picture
 from armdesign.drawing.outlines import area_between, lines_of, simplified
 from armdesign.drawing.plane import PicturePlane, placed
-from armdesign.machine.heading import known_ranges
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -36,7 +35,7 @@ def tool_range(machine: Machine) -> tuple[Array, ...]:
     at = plane.project(arm.point(plane.zero, machine.tool.link, np.array(machine.tool.at)))
     size = max(float(np.abs(at).max()), 1e-3)
     lines, area = [at], None
-    ranges = known_ranges(machine)
+    ranges = machine.known_ranges
     for j in reversed(arm.chain(machine.tool.link)):
         if j >= len(arm.joints) or not in_picture(machine, plane, j):
             continue

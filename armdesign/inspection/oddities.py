@@ -98,7 +98,7 @@ def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddit
 def _of_pins(machine: Machine, i: int) -> Iterator[Oddity]:
     """Pins of a cylinder whose links are turned, so that x and z are not in the hinge's plane."""
     arm, linkage = machine.arm, machine.linkages[i]
-    zero = arm.kinematics(np.zeros((1, len(machine.joints))))
+    zero = arm.zero
     axes = [zero.axis[0, j] for j in linkage.joints if arm.coordinates[j].revolute]
     if not axes:
         return

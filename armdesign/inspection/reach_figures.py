@@ -93,13 +93,10 @@ class _Envelope:
             return None
         score = places @ aim - (0.0 if zero is None else 10 * np.abs(places @ zero))
         starts = self.q[rows[np.argsort(score)[-STARTS:]]]
-        best = self._best(self._refined(starts, aim, zero, least), aim, zero, least)
-        return best and best[0]
+        return self._best(self._tried(starts, aim, zero, least), aim, zero, least)
 
-    def _refined(
-        self, starts: Array, aim: Array, zero: Array | None, least: Array | None
-    ) -> Array:
-        """All poses (n, nq) that descents from some starts have tried."""
+    def _tried(self, starts: Array, aim: Array, zero: Array | None, least: Array | None) -> Array:
+        """All poses (n, nq) that descents from some starts come by."""
         from scipy.optimize import minimize
 
         low, high = self.machine.ranges.T
@@ -136,27 +133,19 @@ class _Envelope:
             )
         return np.array(tried).reshape(-1, len(span))
 
-    def _best(
-        self, q: Array, aim: Array, zero: Array | None, least: Array | None
-    ) -> tuple[float, Array] | None:
-        """Largest value of those poses (n, nq) that meet all, and its pose; None if none does."""
+    def _best(self, q: Array, aim: Array, zero: Array | None, least: Array | None) -> float | None:
+        """Largest value at those poses (n, nq) that meet all; None if none does."""
         places = _places(self.machine, q)[0]
         kept = self.machine.margins(q).min(axis=1) > -1e-6
         if zero is not None:
             kept &= np.abs(places @ zero) < ACCURACY
         if least is not None:
             kept &= places @ least > -ACCURACY
-        if not kept.any():
-            return None
-        best = np.where(kept, places @ aim, -np.inf).argmax()
-        return float(places[best] @ aim), q[best]
+        return max((places @ aim)[kept].tolist(), default=None)
 
     def _at(self, q: Array) -> tuple[Array, Array]:
         places, slopes = _places(self.machine, q[None])
         return places[0], slopes[0]
-
-    def _margins(self, q: Array) -> Array:
-        return self.machine.margins(q[None])[0]
 
     def _room(self, q: Array) -> Array:
         return room(self.machine, self.machine.arm.kinematics(q[None]))[0]

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array, ReadOnly
-from armdesign.errors import MachineFileError
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.jets import VectorJet
 from armdesign.mechanism.rigid_poses import RigidPoses
@@ -73,11 +72,12 @@ class Heading(ReadOnly):
 def heading_of(machine: Machine) -> Heading:
     """Where the arm of a machine points, by its joints, their ranges and its tool."""
     arm, slews = machine.arm, machine.arm.slews
-    q = np.stack([np.zeros(len(arm.joints)), known_ranges(machine).mean(axis=1)])
+    q = np.stack([np.zeros(len(arm.joints)), machine.known_ranges.mean(axis=1)])
     z = np.array(arm.with_springs(q), dtype=float)
     z[:, list(slews.axes)] = 0.0
-    zero, middle = (list(_joints(machine, arm.kinematics(one[None]))) for one in z)
-    tool = arm.point(arm.kinematics(z[1:]), machine.tool.link, np.array(machine.tool.at))[0]
+    poses = [arm.kinematics(one[None]) for one in z]
+    zero, middle = (list(_joints(machine, pose)) for pose in poses)
+    tool = arm.point(poses[1], machine.tool.link, np.array(machine.tool.at))[0]
     start = middle[0].place if middle and not slews else np.append(slews.foot, 0.0)
     forward, lever = (
         _moved_along(slews.axis, zero, [at.lever(tool) for at in middle]),
@@ -91,14 +91,6 @@ def heading_of(machine: Machine) -> Heading:
         forward = -forward
     plain = np.where(np.abs(forward) < ROUNDING * np.linalg.norm(forward), 0.0, forward)
     return Heading(arm=arm, forward=plain / np.linalg.norm(plain))
-
-
-def known_ranges(machine: Machine) -> Array:
-    """Joint ranges (nq, 2) [rad, m]; the URDF's limits of a machine that cannot be assembled."""
-    try:
-        return machine.ranges
-    except MachineFileError:
-        return machine.arm.limits
 
 
 def _square(vector: Array, axis: Array) -> Array:

@@ -305,7 +305,8 @@ class Machine:
         motors = {name: [motor.joint or name] for name, motor in self.section.motor.items()}
         for motor in self.motors:
             motors.pop(motor.name)
-        return parts.idle_cylinders(self.section, self.arm) | motors
+        cylinders = {one.name: parts.frozen_joints(k) for one, k in self.idle_cylinders}
+        return cylinders | motors
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
@@ -317,6 +318,14 @@ class Machine:
     def ranges(self) -> Array:
         """Joint ranges (nq, 2) [rad, m]: what the strokes allow, cut by the URDF's limits."""
         return self.range_within(0.0)
+
+    @property
+    def known_ranges(self) -> Array:
+        """The ``ranges``; the URDF's limits of a machine that cannot be assembled."""
+        try:
+            return self.ranges
+        except MachineFileError:
+            return self.arm.limits
 
     def range_within(self, end_margin: float) -> Array:
         """Joint ranges (nq, 2) that leave a share of every stroke free at both ends."""

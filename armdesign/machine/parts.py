@@ -216,24 +216,22 @@ def _cylinder(name: str, section: CylinderSection) -> Cylinder:
     )
 
 
-def idle_cylinders(section: MachineSection, arm: Arm) -> dict[str, list[str]]:
-    """Cylinders between whose pins all joints are frozen, each with those joints."""
-    idle = {}
-    for name, table in section.cylinder.items():
-        own = linkage(table, arm)
-        frozen = arm.frozen_between(at.link for at in own.pins)
-        if frozen and not own.joints:
-            idle[name] = sorted(frozen, key=arm.movable_joints.index)
-    return idle
-
-
 def cylinders_with_linkages(section: MachineSection, arm: Arm) -> tuple[Pairs, Pairs]:
     """Cylinders with their linkages: those that can move, and idle ones."""
     linkages = [linkage(table, arm) for table in section.cylinder.values()]
     pairs = tuple(zip(cylinders(section.cylinder, section.damped), linkages, strict=True))
-    idle = idle_cylinders(section, arm)
-    moving = tuple(pair for pair in pairs if pair[0].name not in idle)
-    return moving, tuple(pair for pair in pairs if pair[0].name in idle)
+    idle = [not of.joints and bool(frozen_joints(of)) for of in linkages]
+    moving, still = (
+        tuple(pair for pair, rests in zip(pairs, idle, strict=True) if rests == which)
+        for which in (False, True)
+    )
+    return moving, still
+
+
+def frozen_joints(own: Linkage) -> list[str]:
+    """Frozen joints between the pins of a linkage."""
+    frozen = own.arm.frozen_between(at.link for at in own.pins)
+    return sorted(frozen, key=own.arm.movable_joints.index)
 
 
 def motors(section: MachineSection) -> tuple[Motor, ...]:

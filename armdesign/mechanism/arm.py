@@ -131,7 +131,7 @@ class Arm:
     @cached_property
     def slews(self) -> Slews:
         """Joints that turn the whole arm about an upright axis."""
-        zero = self.kinematics(np.zeros((1, len(self.joints))))
+        zero = self.zero
         frames = zero.rotation[0], zero.translation[0], zero.axis[0]
         springs = range(len(self.joints), len(self.coordinates))
         return slews_of(self.coordinates, self.outwards, frames, [*self.links.values()], springs)
@@ -224,7 +224,8 @@ class Arm:
         """
         n, k, one = len(values), len(self.coordinates), self.coordinates[joint]
         rotation, translation, axis = (
-            np.broadcast_to(rest, (n, *rest.shape[1:])) for rest in self._at_zero
+            np.broadcast_to(rest, (n, *rest.shape[1:]))
+            for rest in (self.zero.rotation, self.zero.translation, self.zero.axis)
         )
         if one.revolute:
             of_joints = np.empty((k, n, 3, 3), values.dtype)
@@ -241,16 +242,16 @@ class Arm:
         return RigidPoses(q, square, square[:, 0], square, rotation, translation, axis)
 
     @cached_property
-    def _at_zero(self) -> tuple[Array, Array, Array]:
-        """Placements where all joints are at zero (1, k, …)."""
-        return self.placements(np.zeros((1, len(self.joints))))
+    def zero(self) -> RigidPoses:
+        """Placements where all joints are at 0, one pose."""
+        return self.kinematics(np.zeros((1, len(self.joints))))
 
     @cached_property
     def _turned_alone(self) -> list[Array]:
         """What turns each coordinate (3, 9) where those before it are at zero."""
         return [
             turning(joint.axis, rotation)
-            for joint, rotation in zip(self.coordinates, self._at_zero[0][0], strict=True)
+            for joint, rotation in zip(self.coordinates, self.zero.rotation[0], strict=True)
         ]
 
     def link_rotation(self, poses: RigidPoses, link: str) -> Array:
@@ -270,7 +271,7 @@ class Arm:
         return poses.translation[:, body.joint] + turned(poses.rotation[:, body.joint], local)
 
     def in_link(self, poses: RigidPoses, link: str, places: Array) -> Array:
-        """Points in the world (n, 3) as places in a link's frame (n, 3) [m]."""
+        """Points in the world (n, 3) as places in a link's frame (n, 3) [m], at n poses or one."""
         rotation, lever = self.link_rotation(poses, link), self.point(poses, link, np.zeros(3))
         return turned(np.swapaxes(rotation, 1, 2), places - lever)
 

@@ -37,9 +37,8 @@ def points_of_bars(
 def fixed_points(cylinder: Cylinder, linkage: Linkage) -> list[tuple[float, str, Array]]:
     """``points_of_bars`` of a cylinder that stands still, each in a link at (3,) [m]."""
     arm, link = linkage.arm, linkage.observer
-    zero = arm.kinematics(np.zeros((1, len(arm.joints))))
-    points = points_of_bars(cylinder, linkage, zero)
-    return [(mass, link, arm.in_link(zero, link, point.value)[0]) for mass, point in points]
+    points = points_of_bars(cylinder, linkage, arm.zero)
+    return [(mass, link, arm.in_link(arm.zero, link, point.value)[0]) for mass, point in points]
 
 
 def points_of_bar(mass: float, ends: tuple[VectorJet, VectorJet]) -> list[tuple[float, VectorJet]]:

@@ -9,7 +9,6 @@ import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import SideView
-from armdesign.machine.heading import known_ranges
 from armdesign.machine.poses import pose_text
 from armdesign.plots.canvas import INK, MARK, below
 from armdesign.plots.labels import Label
@@ -65,7 +64,7 @@ def joint_labels(machine: Machine, view: SideView) -> list[Label]:
     lines = {arc.joint: line for arc, line in zip(view.arcs, view.arc_lines(), strict=True)}
     labels = []
     for index, (joint, span) in enumerate(
-        zip(machine.arm.joints, known_ranges(machine), strict=True)
+        zip(machine.arm.joints, machine.known_ranges, strict=True)
     ):
         low, high = WORKSHOP.number(span[0], joint.unit), WORKSHOP.text(span[1], joint.unit)
         line = lines.get(joint.name)

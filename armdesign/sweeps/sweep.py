@@ -362,8 +362,8 @@ def _changes(
         ArmDesignError: no changes that can be made, or no ranges for a Sobol sequence.
     """
     requirements = variants["requirements"]
-    refuse_unless_seed(variants["seed"])
     if not variants["sobol"]:
+        refuse_unless_seed(variants["seed"])
         if variants["seed"]:
             raise ArmDesignError("seed", "is of no sequence", "give sobol too, or no seed")
         chosen = all_changes(changes)

@@ -10,7 +10,6 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.machine.heading import known_ranges
 from armdesign.units import deg, mm
 from armdesign.viewing.page_words import reading_words
 from armdesign.viewing.reading import Reading, reading, swing_words
@@ -75,7 +74,7 @@ class Viewer:
             self.joints = [
                 self._joint_slider(joint, *ends)
                 for joint, ends in zip(
-                    machine.arm.joints, known_ranges(machine).tolist(), strict=True
+                    machine.arm.joints, machine.known_ranges.tolist(), strict=True
                 )
             ]
             self.to_worst = gui.add_button("Worst pose")

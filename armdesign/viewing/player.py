@@ -13,7 +13,6 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import printable
-from armdesign.machine.heading import known_ranges
 from armdesign.machine.poses import pose_text
 from armdesign.units import WORKSHOP
 from armdesign.viewing.page_words import escaped, scale_words
@@ -94,7 +93,7 @@ class _Film:
 
     def sweep(self, joint: int) -> None:
         """Take one joint from the view's pose to both ends of its range and back."""
-        low, high = known_ranges(self.view.machine)[joint]
+        low, high = self.view.machine.known_ranges[joint]
         begin, count = self.view.q[joint], round(THERE_AND_BACK / FRAME)
         ways = np.array([begin, low, high, begin])
         gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(ways)))])

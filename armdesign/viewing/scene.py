@@ -99,7 +99,7 @@ class Scene:
             link: (arm.link_rotation(rigid, link), arm.point(rigid, link, np.zeros(3)))
             for link in arm.links
         }
-        zero = arm.kinematics(np.zeros((1, len(arm.joints))))
+        zero = arm.zero
         for cylinder, linkage, _ in shown_cylinders(self.machine):
             link = linkage.base.link
             side = arm.link_rotation(zero, link)[0].T @ self.across
@@ -110,7 +110,7 @@ class Scene:
     def near_side(self, link: str) -> tuple[Array, float]:
         """Direction across the machine (3,) in a link's frame, and where the link begins [m]."""
         arm = self.machine.arm
-        zero = arm.kinematics(np.zeros((1, len(arm.joints))))
+        zero = arm.zero
         side = arm.link_rotation(zero, link)[0].T @ self.across
         own = [one.mesh.vertices for one in self.solids if one.frame == link]
         return side, min((float((corners @ side).min()) for corners in own), default=0.0)

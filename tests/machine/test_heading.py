@@ -21,22 +21,11 @@ from armdesign.inspection.reach_figures import reach_figures
 from armdesign.machine.tipping import centre_ahead, tipping_masses
 from tests.inspection.inspected import odd
 from tests.machines import BOOM, FOLD, LIFT, STICK, CylinderSpec, Joint, build, inner_poses, named
+from tests.slewing_tables import MOTOR, stability
 
-STABILITY = """
-[stability]
-mass_kg = 12000
-at_mm = [-900, 0, 900]
-front_mm = 1300
-rear_mm = 1300
-"""
+STABILITY = stability(12000, [-900, 0, 900], 1300, 1300)
 FOOT = (0.2277, 1.9573)  # x and z of the boom's foot in the excavator's URDF
 YAWS = (math.pi / 2, 1.5707, 1.5708, 2.356, math.pi, -1.0)
-MOTOR = """
-[motor.column]
-displacement_cm3 = 250
-gear_ratio = 28
-trapped_volume_l = { a = 0.6, b = 0.6 }
-"""
 
 
 @cache

@@ -26,14 +26,9 @@ from armdesign.report.inspections import check_sheets
 from armdesign.units import GRAVITY
 from tests.checks import assert_same
 from tests.held import FROZEN, MASSES, WITH_OWN_JOINTS, Held, held
+from tests.slewing_tables import stability
 
-STABILITY = """
-[stability]
-mass_kg = 30000
-at_mm = [-400, 0, 900]
-front_mm = 2000
-rear_mm = 2000
-"""
+STABILITY = stability(30000, [-400, 0, 900], 2000, 2000)
 OTHER: dict[Location, float] = {  # of a four-bar that is idle: its masses, and where it stands
     ("cylinder", "tilt", "barrel_kg"): 300.0,
     ("cylinder", "tilt", "four_bar", "coupler_kg"): 20.0,

@@ -19,6 +19,7 @@ from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, CylinderSpec, Joint,
 from tests.planar_arm import at
 from tests.planar_file import read_payload
 from tests.reference_planar import Reference
+from tests.slewing_tables import MOTOR
 
 SHARE, G = 0.87, 9.81  # ISO 10567; m/s²
 
@@ -245,11 +246,7 @@ def test_a_slew_on_a_base_that_is_not_level_brings_no_point_to_its_place() -> No
     column = Joint("column", "root", rpy=(0.05, -0.07, 0), axis=(0, 0, 1), kind="continuous")
     joints = [column, replace(BOOM, parent="column"), replace(STICK, limits=(-0.7, 0.6))]
     cylinders = [replace(LIFT, base=("column", (0.7, 0, 0.1))), FOLD]
-    motor = (
-        "[motor.column]\ndisplacement_cm3 = 250\ngear_ratio = 28\n"
-        "trapped_volume_l = { a = 0.6, b = 0.6 }"
-    )
-    slewing = ad.lift_chart(build(joints, cylinders, more=motor))
+    slewing = ad.lift_chart(build(joints, cylinders, more=MOTOR))
     joints[0] = replace(column, kind="fixed")
     standing = ad.lift_chart(build(joints, cylinders, order=["boom", "stick"]))
     np.testing.assert_allclose(slewing.reach, standing.reach)

@@ -13,22 +13,11 @@ import armdesign as ad
 from armdesign import Machine
 from armdesign.machine.tipping import centre_ahead, tipping_masses
 from tests.machines import BOOM, FOLD, LIFT, STICK, Joint, build
+from tests.slewing_tables import MOTOR, stability
 from tests.sprung import spring
 
 COLUMN = Joint("column", "root", xyz=(0.6, 0.2, 0.8), axis=(0, 0, 1), limits=(-3, 3), mass=700)
-MOTOR = """
-[motor.column]
-displacement_cm3 = 250
-gear_ratio = 28
-trapped_volume_l = { a = 0.6, b = 0.6 }
-"""
-STABILITY = """
-[stability]
-mass_kg = 900
-at_mm = [-300, 0, 0]
-front_mm = 900
-rear_mm = 1000
-"""
+STABILITY = stability(900, [-300, 0, 0], 900, 1000)
 
 
 def _leaning(

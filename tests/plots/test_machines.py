@@ -21,6 +21,7 @@ from armdesign.plots import canvas
 from armdesign.plots.machine_words import ends
 from tests.commands import main
 from tests.machines import BOOM, LIFT, Joint, build, named
+from tests.slewing_tables import MOTOR
 
 MOVED = {
     "cylinder.boom.base.at_mm": [520.0, 0.0, -650.0],
@@ -323,12 +324,8 @@ def test_modes_show_the_load_at_work_and_the_tool_at_rest_apart_from_the_ends() 
 def test_the_tool_is_named_at_its_reach(turn: float) -> None:
     """Of a slew 0.6 m ahead of the root's axis and 0.2 m aside: the tool's distance in space."""
     column = Joint("column", "root", (0.6, 0.2, 0.8), axis=(0, 0, 1), limits=(-3, 3))
-    motor = (
-        "[motor.column]\ndisplacement_cm3 = 250\ngear_ratio = 28\n"
-        "trapped_volume_l = { a = 0.6, b = 0.6 }"
-    )
     lift = replace(LIFT, base=("column", (0.7, 0, 0.1)))
-    machine = build([column, replace(BOOM, parent="column")], [lift], more=motor)
+    machine = build([column, replace(BOOM, parent="column")], [lift], more=MOTOR)
     q = np.array([math.radians(turn), 0.1])
     x, y, z = machine.at([q]).tool[0]
     said = {label.head: label.below for label in ends(machine, side_view(machine, q))}

@@ -56,7 +56,7 @@ def _turnable(problem: Problem, i: int) -> tuple[Array, Array, Array]:
     """
     arm, joint = problem.machine.arm, problem.machine.linkages[i].joints[0]
     index = {move: entry for entry, move in problem.vector.moves(i).items()}
-    pose = arm.kinematics(np.zeros((1, len(arm.joints))))
+    pose = arm.zero
     entries, centres, mirrored = [], [], []
     for link, name in _pins(problem, i):
         into_link = arm.link_rotation(pose, link)[0].T

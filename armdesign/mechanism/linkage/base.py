@@ -226,7 +226,7 @@ class Linkage(Drive):
     def idle_length(self) -> float:
         """Length [m] of a cylinder that no joint moves; NaN where the linkage does not close."""
         with np.errstate(invalid="ignore"):
-            return float(self.length(self.arm.kinematics(np.zeros((1, len(self.arm.joints)))))[0])
+            return float(self.length(self.arm.zero)[0])
 
     def actuation(self, poses: RigidPoses) -> Actuation:
         """Length, moment arm and its derivative at the poses."""

@@ -109,7 +109,7 @@ class FourBar(Linkage):
             fault = "pivot and lug are not on the two links of one revolute joint"
             return MachineFileError(where, fault, "place them so")
         j = path[0][0]
-        zero = arm.kinematics(np.zeros((1, len(arm.joints))))
+        zero = arm.zero
         normal = arm.link_rotation(zero, self.pivot.link)[0, :, 1]
         if abs(abs(float(normal @ zero.axis[0, j])) - 1) > 1e-6:
             name = arm.coordinates[j].name
