@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -55,7 +55,7 @@ def changed_machine(
     Args:
         machine: the machine.
         changes: values by key path; below ``requirements`` also tables, and keys that the file
-            leaves out.
+            leaves out. A key path within another changes what that one gives.
         part: what states them, for messages.
         check: whether the machine must fit together; one that does not can be drawn.
 
@@ -82,9 +82,12 @@ def changed_machine(
             if path not in known and not is_requirement(tuple(path.split("."))):
                 _refuse_unknown(machine, path, f"{part} {path}")
             whole[path] = value
-    _refuse_parts(whole, part)
-    values = {path: _as_before(known.get(path), value) for path, value in whole.items()}
-    values = {path: value for path, value in values.items() if not _same(known.get(path), value)}
+    values = dict[str, Any]()
+    for path, value in sorted(whole.items(), key=lambda item: item[0].count(".")):
+        wholes = _given_wholes(path, whole, part)
+        new = _as_before(known.get(path), value)
+        if wholes or not _same(known.get(path), new):
+            values[path] = new
     source = machine.source
     try:
         if check:
@@ -96,13 +99,22 @@ def changed_machine(
         raise
 
 
-def _refuse_parts(paths: Collection[str], part: str) -> None:
-    """Raise for a key path within a table that is given as a whole, too."""
-    for path in paths:
-        for table in accumulate(path.split(".")[:-1], "{}.{}".format):
-            if table in paths:
-                fault = f"is a part of {table}, which is given, too"
-                raise ArmDesignError(f"{part} {path}", fault, "leave one out")
+def _given_wholes(path: str, changes: Mapping[str, Any], part: str) -> list[str]:
+    """Key paths above one that change, too: it then changes what they give.
+
+    Raises:
+        ArmDesignError: one of them gives the value at the path already.
+    """
+    keys = path.split(".")
+    wholes = [table for table in accumulate(keys[:-1], "{}.{}".format) if table in changes]
+    for table in wholes:
+        inner = changes[table]
+        for key in keys[table.count(".") + 1 :]:
+            inner = inner.get(key) if isinstance(inner, Mapping) else None
+        if inner is not None:
+            fault = f"is in {table}, which is given, too"
+            raise ArmDesignError(f"{part} {path}", fault, "leave one out")
+    return wholes
 
 
 def _blame(error: MachineFileError, changes: Mapping[str, Any], part: str, source: str) -> None:

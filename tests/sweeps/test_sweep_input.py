@@ -185,7 +185,9 @@ def test_requirements_of_a_sweep_are_values_and_tables() -> None:
         {"catalogue": "5mm"},
         {"torque_share": {"nobody": 0.9}},
         {"speed": {"up": {"at": "never"}}},
-        {"torque_share": 0.9, "torque_share.extension": 0.8},
+        {"torque_share.extension": 0.8, "torque_share": 0.9},
+        {"torque_share": {"extension": 0.9}, "torque_share.extension": 0.8},
+        {"torque_share": 0.9, "torque_share.extension": 0.94},  # which the file says, too
     ]
 
     def asked(machine: ad.Machine, _: ad.Workspace) -> dict[str, Any]:
@@ -195,10 +197,12 @@ def test_requirements_of_a_sweep_are_values_and_tables() -> None:
     frame = ad.sweep("loader_crane", None, asked, requirements=crane, points=2).frame
     assert frame["share"].tolist()[:2] == ["0.9", "{'default': 0.95, 'extension': 0.9}"]
     assert frame["sizes"].tolist()[:3] == ["iso", "iso", "5mm"]
-    nobody, never, twice = frame["error"].tolist()[3:]
+    assert frame["share"][5] == "{'default': 0.9, 'extension': 0.8}"
+    assert frame["share"][7] == "{'default': 0.9, 'extension': 0.94}"
+    nobody, never, _, twice, _ = frame["error"].tolist()[3:]
     assert 'requirements.torque_share: no actuator "nobody"' in nobody
     assert 'requirements.speed: "never" is not allowed; give one of "mean", "every"' in never
-    assert "extension: is a part of requirements.torque_share, which is given, too" in twice
+    assert "extension: is in requirements.torque_share, which is given, too" in twice
 
 
 def test_tables_of_requirements_in_a_study_are_key_paths(tmp_path: Path) -> None:
