@@ -317,9 +317,9 @@ def _torques(design: Design) -> str:
 
 
 def _lift(design: Design) -> str:
-    """Least lift of all points of the lift chart over today's; empty without a chart."""
+    """Least lift of all points of the lift chart over today's, or that none is held."""
     if math.isnan(design.lift_share):
-        return ""
+        return ", its lift is held nowhere, as the lift chart has no place"
     return f", its lift is at least {100 * design.lift_share:.0f} % of today's (lift chart)"
 
 

@@ -112,6 +112,14 @@ def test_bandwidths_are_the_worst_and_median_of_some_poses(points: int, poses: i
         assert words == (f"{frame['own_hz'].min():.3g}", f"{frame['own_hz'].median():.3g}")
 
 
+def test_lift_that_no_place_of_the_chart_holds_is_said() -> None:
+    """A tool at its pivot reaches no place: `lift_share` asked for nothing, without a word."""
+    machine = ad.load("paper_1dof").replace({"tool.at_mm": [0, 0, 0]})
+    design = ad.size_cylinders(machine, ad.Workspace.grid(machine, points=3))
+    assert not any(check.name.startswith("lift_share") for check in design.checks)
+    assert ", its lift is held nowhere, as the lift chart has no place; " in summary(design)
+
+
 OTHERS_NEED_IT = ": not the frequency, but other requirements or steps of sizes need that much"
 
 
