@@ -13,7 +13,7 @@ import numpy as np
 from armdesign.arrays import Array, side_by_side
 from armdesign.mechanism.carried_bars import of_linkage
 from armdesign.mechanism.jets import VectorJet
-from armdesign.mechanism.point_masses import of_points, points_of_bars
+from armdesign.mechanism.point_masses import of_carried, points_of_bars
 from armdesign.mechanism.rigid_poses import RigidPoses
 
 if TYPE_CHECKING:
@@ -25,9 +25,8 @@ def loaded(machine: Machine, rigid: RigidPoses) -> tuple[Array, Array, Array]:
     load = machine.payload
     parts = [(rigid.mass_matrix, rigid.gravity_torque, rigid.gravity_stiffness)]
     if np.any(load.mass != 0) and load.link is not None:
-        at, joints = side_by_side(load.at), tuple(range(len(machine.arm.coordinates)))
-        motion = machine.arm.motion(rigid, load.link, at, machine.arm.root, joints)
-        parts.append(of_points([(load.mass, motion)]))
+        at = side_by_side(load.at)
+        parts.append(of_carried(machine.arm, rigid, load.link, at, load.mass))
     pairs = *zip(machine.cylinders, machine.linkages, strict=True), *machine.idle_cylinders
     for cylinder, linkage in pairs:
         if masses := cylinder.moving_masses:

@@ -113,10 +113,12 @@ class Poses(ReadOnly):
     @read_only
     def stiffness_matrix(self) -> Array:
         """K (n, k, k): minus the derivative of the net torque by q with the oil trapped."""
-        springs, nq = self.spring_stiffness, self.q.shape[1]
-        held = np.zeros((len(springs), *self.gravity_stiffness.shape[1:]), springs.dtype)
-        np.einsum("nii->ni", held)[:, nq:] = springs  # complex along a step of theirs
-        return self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness + held
+        springs = self.spring_stiffness
+        stiffness = self.hydraulic_stiffness + self.gravity_stiffness + self.geometric_stiffness
+        dtype = np.result_type(stiffness, springs)  # complex along a step of theirs
+        stiffness = stiffness.astype(dtype, copy=False)
+        np.einsum("nii->ni", stiffness)[:, self.q.shape[1] :] += springs
+        return stiffness
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Axes with the static force of every actuator, pose by pose."""

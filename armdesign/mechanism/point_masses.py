@@ -1,27 +1,52 @@
-"""Point masses at points of the arm, and slender bars as three of them: their M, g and ∂g/∂q."""
+"""Point masses on an arm: M, g and ∂g/∂q of one that a link carries, and bars as three of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from armdesign.arrays import Array, product
+from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
-from armdesign.mechanism.jets import VectorJet
+from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import GRAVITY
 
 
-def of_points(points: Sequence[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
-    """M, g and ∂g/∂q of point masses [kg]: Σ m JᵀJ, Σ m g ∂z/∂q, Σ m g ∂²z/∂q²."""
-    inertia = gravity = slope = np.zeros(())
-    for mass, p in points:
-        m = np.reshape(mass, (-1, 1, 1))  # one mass, or one for each row
-        inertia = inertia + m * product(p.first, np.swapaxes(p.first, 1, 2))
-        gravity = gravity + m[..., 0] * GRAVITY * p.first[:, :, 2]
-        slope = slope + m * GRAVITY * p.second[:, :, :, 2]
+def of_carried(
+    arm: Arm, poses: RigidPoses, link: str, at: Array, mass: float | Array
+) -> tuple[Array, Array, Array]:
+    """M (n, k, k), g (n, k) and ∂g/∂q (n, k, k) of a point mass at a place in a link.
+
+    A joint i between root and link moves it by v_i = a_i × (p − p_i), or a_i if prismatic:
+    M_ij = m v_i·v_j, g_i = m g v_i,z, and of a revolute i before j ∂g_i/∂q_j = m g (a_i × v_j)_z.
+
+    Args:
+        arm: with k coordinates.
+        poses: n poses.
+        link: that carries it.
+        at: place in the link's frame (3,), or one for each pose (n, 3) [m].
+        mass: [kg], one, or one for each pose (n,).
+    """
+    point, k = arm.point(poses, link, at), len(arm.coordinates)
+    dtype = np.result_type(point, mass)
+    inertia, slope = np.zeros((2, k, k, len(poses)), dtype)
+    gravity = np.zeros((k, len(poses)), dtype)
+    axes, moved = dict[int, Array](), dict[int, Array]()
+    for j in arm.chain(link):
+        axes[j] = moved[j] = np.ascontiguousarray(poses.axis[:, j].T)
+        if arm.coordinates[j].revolute:
+            moved[j] = cross(axes[j], (point - poses.translation[:, j]).T, axis=0)
+        x, y, z = mass * moved[j]
+        gravity[j] = GRAVITY * z
+        for i, v in moved.items():
+            inertia[i, j] = inertia[j, i] = v[0] * x + v[1] * y + v[2] * z
+            if arm.coordinates[i].revolute:
+                rising = axes[i][0] * y - axes[i][1] * x
+                slope[i, j] = slope[j, i] = GRAVITY * rising
+    inertia, gravity, slope = (
+        np.ascontiguousarray(np.moveaxis(values, -1, 0)) for values in (inertia, gravity, slope)
+    )
     return inertia, gravity, slope
 
 

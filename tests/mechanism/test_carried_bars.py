@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from armdesign.arrays import Array
 from armdesign.mechanism.carried_bars import (
     first_of_bar,
     gravity,
@@ -15,7 +16,9 @@ from armdesign.mechanism.carried_bars import (
     weighed,
     weighed_by_row,
 )
-from armdesign.mechanism.point_masses import of_points, points_of_bar
+from armdesign.mechanism.jets import VectorJet
+from armdesign.mechanism.point_masses import of_carried, points_of_bar
+from armdesign.units import GRAVITY
 from tests.machines import named
 from tests.sprung import rocking
 
@@ -25,6 +28,32 @@ MACHINES = [
     *("four_bar_left", "four_bar_from_boom", "spatial", "crossing", "branched", "redundant"),
     *("rotator", "slewing", "random_3", "random_8"),
 ]
+
+
+def of_points(points: list[tuple[float, VectorJet]]) -> tuple[Array, Array, Array]:
+    """Σ m JᵀJ, Σ m g ∂z/∂q and Σ m g ∂²z/∂q² of point masses [kg]."""
+    inertia = sum(m * p.first @ np.swapaxes(p.first, 1, 2) for m, p in points)
+    gravity_torque = sum(m * GRAVITY * p.first[:, :, 2] for m, p in points)
+    slope = sum(m * GRAVITY * p.second[:, :, :, 2] for m, p in points)
+    return np.asarray(inertia), np.asarray(gravity_torque), np.asarray(slope)
+
+
+@pytest.mark.parametrize("name", [*MACHINES, "rocking"])
+def test_a_load_in_a_link_is_a_point_that_all_joints_before_it_move(name: str) -> None:
+    """One mass for all poses, and one for each."""
+    machine = rocking() if name == "rocking" else named(name)
+    low, high = np.array(machine.ranges).T
+    arm, at = machine.arm, np.array([0.3, -0.2, 0.1])
+    poses = arm.rigid_poses(np.random.default_rng(6).uniform(low, high, (5, len(low))))
+    joints = tuple(range(len(arm.coordinates)))
+    for link in arm.links:
+        point = arm.motion(poses, link, at, arm.root, joints)
+        terms = of_points([(1.0, point)])
+        for mass in (800.0, np.array([1.0, 0.0, 300.0, 800.0, 2.0])):
+            for actual, unit in zip(of_carried(arm, poses, link, at, mass), terms, strict=True):
+                expected = np.reshape(mass, (-1, *[1] * (unit.ndim - 1))) * unit
+                assert actual.flags.c_contiguous
+                assert_allclose(actual, expected, rtol=0, atol=1e-12 * 800 * np.abs(unit).max())
 
 
 @pytest.mark.parametrize("name", [*MACHINES, "rocking"])
