@@ -153,6 +153,8 @@ def all_changes(
     for one in listed:
         if not isinstance(one, Mapping):
             fault, remedy = f"{one!r} is no case", "give values by key path"
+            if hasattr(changes, "to_dict"):
+                remedy = 'of a frame, frame.to_dict("records")'
             raise ArmDesignError("changes", fault, remedy)
     return listed
 

@@ -315,6 +315,7 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ({"changes": {"fluid.bulk_modulus_MPa": []}}, "has no values"),
         ({"changes": {"fluid.bulk_modulus_MPa": 5}}, "no list of values"),
         ({"changes": [5]}, "is no case"),
+        ({"changes": pd.DataFrame({"a": [5]})}, "is no case; of a frame"),
         ({"changes": {5: [1, 2]}}, "changes: 5 is no key path"),
         ({"changes": {5: []}}, "5: has no values"),
         ({"changes": {"payload": ["load"]}}, "changes.payload: is a column of the frame"),
