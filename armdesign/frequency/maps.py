@@ -161,7 +161,7 @@ class FrequencyMap(ReadOnly):
         """Static pressure of each loaded chamber over the supply's (n, nc), row by row.
 
         Above one the actuator sinks. The other chamber is at return pressure, or at the preload of
-        its valve, as at the start of a simulation.
+        its valve, as at the start of a simulation where that valve does not leak at rest.
         """
         return self.static_pressures / self.machine.supply.pressure
 

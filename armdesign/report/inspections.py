@@ -188,14 +188,17 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
         name, side = actuator.name, actuator.chambers[not load.cap]
         share = f"{100 * load.share:.0f} %" if load.share < 10 else "> 1000 %"
         rows.append((name, load.payload, side, units.number(load.pressure, "Pa"), share))
+    valves = ((one.name, one.valve) for one in inspection.machine.actuators)
+    leaking = ", ".join(name for name, valve in valves if valve and valve.leaks)
+    but = f" (not of {leaking}: flow at rest through the valve makes others)" if leaking else ""
     return Sheet(
         title="Largest static loads over the workspace",
         columns=("cylinder", "payload", "side", f"pressure [{units.name('Pa')}]", "of capacity"),
         rows=tuple(rows),
         note=(
             "pressure of the loaded chamber behind a shut valve, with the other at return pressure"
-            " or the valve's preload_bar, as at the start of a simulation; of capacity: static"
-            " force over the force of supply against return pressure"
+            f" or the valve's preload_bar, as at the start of a simulation{but}; of capacity:"
+            " static force over the force of supply against return pressure"
         ),
     )
 

@@ -1,4 +1,4 @@
-"""Events of a run, in words: stops, cavitation, reliefs, full spools, an overtaxed pump."""
+"""Events of a run, in words: stops, limits, cavitation, reliefs, full spools, an overtaxed pump."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from armdesign.arrays import Array, Flags
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
-from armdesign.units import bar, l_per_min
+from armdesign.units import WORKSHOP, bar, l_per_min
 
 FULL = 0.999  # of the spool's travel
 BACKWARDS = 1e-3  # of the rated flow, into the supply
+BEYOND = 0.01  # [rad, m] a joint's limit: stops yield, and limits beside them are rounded
 
 
 def events(
@@ -75,6 +76,20 @@ def pump_events(
         f"the actuators took {most:.0f} l/min, the pump gives {flow:.0f} and was taken as ideal"
     )
     yield from _event(time, taken > 1.001 * pump.flow, words)
+
+
+def limit_events(machine: Machine, time: Array, q: Array) -> Iterator[tuple[float, str]]:
+    """First time [s] and words of every joint that passes a limit of its URDF, at q (n, nq).
+
+    Cylinders have stops, joints have none: the run goes on where the machine cannot.
+    """
+    for joint, values in zip(machine.arm.joints, q.T, strict=True):
+        if joint.endless:
+            continue
+        for limit, side in ((joint.lower, -1), (joint.upper, 1)):
+            passed, at = side * (values - limit) > BEYOND, WORKSHOP.text(limit, joint.unit)
+            words = f"{joint.name} passed its joint limit of {at} (where a run has no stop)"
+            yield from _event(time, passed, words)
 
 
 def payload_events(

@@ -105,7 +105,7 @@ class Simulation(ReadOnly):
         dissipated: by valves, reliefs, leakage, friction, stops and springs (n,) [J].
         supply: pressure of the pump (n,) [Pa].
         events: what limited the motion, in words and in order: loads that cannot be held or fall
-            out, stops, cavitation, reliefs, the pump.
+            out, stops, joint limits that were passed, cavitation, reliefs, the pump.
     """
 
     __repr__ = short_repr

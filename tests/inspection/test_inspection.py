@@ -198,6 +198,21 @@ def test_sheets_of_every_kind_of_machine(name: str, units: object) -> None:
         assert "nan" not in str(sheet.rows)
 
 
+def test_where_valves_leak_simulations_begin_at_other_pressures() -> None:
+    """It was said of every machine that they begin at those of the table."""
+    leak = {"cylinder.lift.valve.leakage_l_per_min_per_bar": 0.01}
+    for machine in (ad.load("paper_1dof"), ad.load("paper_1dof").replace(leak)):
+        start = ad.simulate(machine, [0.0], {}, duration=0.01).pressures[0, 0]
+        held = machine.cylinders[0].static_pressures(
+            machine.at([0.0]).cylinder_forces[:, 0], machine.supply
+        )
+        leaking = machine.cylinders[0].valve is not None and machine.cylinders[0].valve.leaks
+        sheets = check_sheets(inspect(machine, ad.Workspace.grid(machine, 3)), WORKSHOP)
+        notes = " ".join(sheet.note for sheet in sheets)
+        assert ("as at the start of a simulation (not of lift: flow" in notes) == leaking
+        assert np.allclose(start, np.ravel(held), rtol=1e-6) != leaking
+
+
 @pytest.mark.slow
 def test_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -56,6 +56,20 @@ def test_into_the_end_stop(excavator: Machine) -> None:
     )
 
 
+def test_joints_have_no_stops_but_their_limits_are_told(excavator: Machine) -> None:
+    """Limits within the strokes, both ways; it went on there without a word."""
+    urdf = excavator.urdf_text.replace('upper="1.22553"', 'upper="1.17"')
+    urdf = urdf.replace('lower="-2.71404"', 'lower="-1.25"')
+    machine = Machine.from_text(excavator.text, urdf, excavator.source).with_payload("full")
+    commands = {"boom": always(1.0), "stick": always(1.0)}
+    words = "passed its joint limit of"
+    run = simulate(machine, WORST, commands, duration=0.6, tolerance=1e-6)
+    assert_events(run, f"boom {words} 67.0° (where a run has no stop) at", f"stick {words} -71.6°")
+    run = simulate(excavator, WORST, commands, duration=0.6, tolerance=1e-6)
+    assert_events(run, "boom reached its outer stop")
+    assert not any(words in event for event in run.events)
+
+
 def test_a_slew_that_is_stopped_at_once() -> None:
     """Its inertia empties the side that drove it, and opens the relief of the other."""
     turn = {"swing": lambda t: 0.9 if t < 0.6 else 0.0}
