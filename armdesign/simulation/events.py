@@ -1,4 +1,4 @@
-"""Events of a run, in words: stops, limits, cavitation, reliefs, full spools, an overtaxed pump."""
+"""Events of a run, in words: stops, limits, cavitation, reliefs, full spools, the pump."""
 
 from __future__ import annotations
 
@@ -78,24 +78,18 @@ def pump_events(
     yield from _event(time, taken > 1.001 * pump.flow, words)
 
 
-def limit_events(machine: Machine, time: Array, q: Array) -> Iterator[tuple[float, str]]:
-    """First time [s] and words of every joint that passes a limit of its URDF, at q (n, nq).
+def pose_events(machine: Machine, time: Array, poses: RigidPoses) -> Iterator[tuple[float, str]]:
+    """First time [s] and words of joint limits that are passed and of loads that would fall out.
 
     Cylinders have stops, joints have none: the run goes on where the machine cannot.
     """
-    for joint, values in zip(machine.arm.joints, q.T, strict=True):
+    for joint, values in zip(machine.arm.joints, poses.q.T, strict=False):  # without springs
         if joint.endless:
             continue
         for limit, side in ((joint.lower, -1), (joint.upper, 1)):
             passed, at = side * (values - limit) > BEYOND, WORKSHOP.text(limit, joint.unit)
             words = f"{joint.name} passed its joint limit of {at} (where a run has no stop)"
             yield from _event(time, passed, words)
-
-
-def payload_events(
-    machine: Machine, time: Array, poses: RigidPoses
-) -> Iterator[tuple[float, str]]:
-    """First time [s] and words of the load that would fall out, at n poses."""
     case = machine.payload
     words = f"the {case.link} was tipped beyond the pitch at which it holds payload {case.name}"
     yield from _event(time, ~machine.holds(poses), words)

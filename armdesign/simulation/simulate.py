@@ -19,7 +19,7 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.poses import refuse_unheld
 from armdesign.short_repr import short_repr
 from armdesign.simulation.controlled_plant import ByName, Command, ControlledPlant
-from armdesign.simulation.events import events, limit_events, payload_events, pump_events
+from armdesign.simulation.events import events, pose_events, pump_events
 from armdesign.simulation.integrator import NO_LIMIT, TOO_MANY, GaveUpError, Pace, Span, integrate
 from armdesign.simulation.plant.equilibrium import Equilibrium, StaticHold, find_equilibrium
 from armdesign.simulation.plant.plant import Plant, stack_shape
@@ -392,8 +392,7 @@ def _recorded(
     timed = [
         *events(machine, relief, time, run.extensions, plant.pressures(body), spool, taken),
         *pump_events(machine, time, run.supply, taken),
-        *limit_events(machine, time, run.q),
-        *payload_events(machine, time, frames),
+        *pose_events(machine, time, frames),
         *unheld,
     ]
     return replace(run, events=tuple(words for _, words in sorted(timed)))
