@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -20,6 +18,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.journal.journal import Entry
 from armdesign.machine.changes import changed_machine
 from armdesign.machine.machine import Machine
+from armdesign.processes import belong_to
 from armdesign.sweeps.answers import COLUMNS, writable
 from armdesign.sweeps.cases import Case
 from armdesign.sweeps.sending import Sent, received, words_of
@@ -32,7 +31,6 @@ ONE_THREAD = {  # environment of processes whose libraries shall not share out t
 }
 DIGITS = 4000  # of a whole number that is answered: Python writes no more than 4300
 LARGEST = 10**DIGITS
-WATCH = 1.0  # [s] between two looks at whether the parent lives
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,8 +87,7 @@ def prepare_process(sent: Sent, parent: int) -> None:
 
     What keeps it from that is said by the first case.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
+    belong_to(parent)
     try:
         prepare(received(sent))
     except ArmDesignError as error:
@@ -188,13 +185,6 @@ def _exact(value: Any) -> Any:
     if isinstance(value, int):
         return value if isinstance(value, bool) else int.__int__(value)
     return float.__float__(value) if isinstance(value, float) else value
-
-
-def _end_with_parent(parent: int) -> None:
-    """End this process when its parent has ended, which a killed one cannot ask for."""
-    while os.getppid() == parent:
-        time.sleep(WATCH)
-    os._exit(1)
 
 
 def died(times: int) -> Outcome:
