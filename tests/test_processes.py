@@ -30,7 +30,8 @@ KILLED = """
 import os, signal, time
 from functools import partial
 from armdesign.processes import in_processes
-in_processes([partial(time.sleep, 600)] * 2, 2)
+results = in_processes([partial(time.sleep, seconds) for seconds in (0, 90, 90)], 2)
+next(results)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 IN_NO_FOLDER = """
