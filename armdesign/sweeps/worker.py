@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Mapping
+from concurrent.futures import BrokenExecutor
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,7 +14,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, may_pass
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.journal import Entry
 from armdesign.machine.changes import changed_machine
@@ -122,11 +123,17 @@ def answer(name: str, case: Case) -> Outcome:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            final = isinstance(error, ArmDesignError) and not error.passing
             seconds = time.perf_counter() - start
             words = writable(words_of(error))
-            return Outcome(answer={}, seconds=seconds, error=words, final=final)
+            return Outcome(answer={}, seconds=seconds, error=words, final=_is_final(error))
         return Outcome(answer=numbers, seconds=time.perf_counter() - start)
+
+
+def _is_final(error: BaseException) -> bool:
+    """Whether the same case ends in it again: neither the surroundings nor another ended it."""
+    return isinstance(error, Exception) and not (
+        isinstance(error, BrokenExecutor) or may_pass(error)
+    )
 
 
 def _answer(study: Study, case: Case) -> dict[str, Any]:
