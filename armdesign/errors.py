@@ -20,6 +20,7 @@ CONTROLS = re.compile(
 DIGITS, READ = re.compile("[0-9,]+"), 60  # of a whole number, of which nobody reads more
 LONGEST = 4_000  # characters of a part, fault or remedy: names in files may have any length
 SURROUNDINGS = (OSError, ImportError, MemoryError)  # as Python says that a place is at fault
+CAUSES = 100  # of an error that are looked at: one may be its own
 MOST_NAMES, SHOWN_NAMES = 200, 60  # among which a name is looked for; that a remedy lists
 
 
@@ -62,8 +63,7 @@ class ArmDesignError(Exception):
     ) -> None:
         super().__init__()
         self.part, self.fault, self.remedy, self.key = part, fault, remedy, key
-        self.table, cause = "", sys.exception()
-        self.passing = isinstance(cause, SURROUNDINGS) or getattr(cause, "passing", False)
+        self.table, self.passing = "", may_pass(sys.exception())
         self.tell_line(line)
 
     def add_remedy(self, more: str) -> None:
@@ -82,6 +82,17 @@ class ArmDesignError(Exception):
         """Travel whole between processes."""
         state = {**vars(self), "args": self.args}
         return type(self), (self.part, self.fault, self.remedy), state
+
+
+def may_pass(error: BaseException | None) -> bool:
+    """Whether an error may pass without another input: it, or one that it was raised for."""
+    for _ in range(CAUSES):
+        if isinstance(error, SURROUNDINGS):
+            return True
+        if error is None or isinstance(error, ArmDesignError):
+            break
+        error = error.__cause__ if error.__suppress_context__ else error.__context__
+    return isinstance(error, ArmDesignError) and error.passing
 
 
 class MachineFileError(ArmDesignError):

@@ -1,8 +1,9 @@
-"""Processes that work for a command leave Ctrl-C to it, from their first moment."""
+"""Processes that work for a command leave Ctrl-C to it from their first moment and end with it."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +25,25 @@ TASKS = """
 from functools import partial
 from armdesign.processes import in_processes
 print([*in_processes([partial(abs, -k) for k in range(3)], 2, ordered=True)])
+"""
+KILLED = """
+import os, signal, time
+from functools import partial
+from armdesign.processes import in_processes
+results = in_processes([partial(time.sleep, seconds) for seconds in (0, 90, 90)], 2)
+next(results)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+IN_NO_FOLDER = """
+import os
+os.mkdir("gone")
+os.chdir("gone")
+os.rmdir("../gone")
+import armdesign as ad
+try:
+{code}
+except ad.ArmDesignError as error:
+    print(error)
 """
 ALONE = """
 import os, sys
@@ -59,3 +79,32 @@ def test_ctrl_c_while_a_worker_is_loaded(code: str, said: str, tmp_path: Path) -
     )
     assert (tmp_path / "interrupted").exists()
     assert (done.returncode, done.stdout, done.stderr) == (0, said, "")
+
+
+@pytest.mark.skipif(
+    os.name == "nt", reason="a child of Windows does not know that its parent ended"
+)
+def test_processes_end_with_a_killed_one_that_began_them() -> None:
+    """They held its output open for minutes, so that ``… | tee log`` went on."""
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED], capture_output=True, timeout=60, check=False
+    )
+    assert done.returncode == -signal.SIGKILL
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a folder that is in use cannot go")
+@pytest.mark.parametrize("code", [CASES, TASKS])
+def test_processes_that_cannot_begin_are_said_in_words(code: str, tmp_path: Path) -> None:
+    """None begin in a folder that is gone."""
+    indented = "".join(f"    {line}\n" for line in code.splitlines())
+    done = subprocess.run(
+        [sys.executable, "-c", IN_NO_FOLDER.format(code=indented)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    said = "worker processes: cannot begin (No such file or directory); take one worker, or begin"
+    assert done.stdout.startswith(said)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -31,6 +31,8 @@ MOVE = "move it elsewhere, or name another file"  # for what is no journal
 PATIENCE = 1.0  # [s] for which a lock is waited for
 NEW = "begin another with --new (in Python new=True), which keeps this one beside it"
 
+KINDS = (str, str, str, float, str, str)  # of a row of cases
+
 _TABLES = (
     "CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
     """CREATE TABLE cases (
@@ -38,6 +40,10 @@ _TABLES = (
     error TEXT NOT NULL, digest TEXT NOT NULL
 )""",
 )
+
+
+class DamageError(Exception):
+    """What is in the file was never written there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,16 +130,20 @@ class Journal:
     def entries(self) -> dict[str, Entry]:
         """Every finished case by its key."""
         with self._in_words():
-            rows = self._database.execute(
-                "SELECT key, name, answer, seconds, error, digest FROM cases"
-            ).fetchall()
-        for *fields, kept in rows:
-            if digest(fields) != kept:
-                raise self._damaged()
-        return {
-            key: Entry(answer=json.loads(answer), seconds=seconds, error=error)
-            for key, _, answer, seconds, error, _ in rows
-        }
+            return {
+                key: Entry(answer=_by_name(answer), seconds=seconds, error=error)
+                for key, _, answer, seconds, error in self._cases()
+            }
+
+    def _cases(self) -> Iterator[list[Any]]:
+        """Rows of finished cases, but for the digests, which are those of what is there."""
+        for row in self._database.execute(
+            "SELECT key, name, answer, seconds, error, digest FROM cases"
+        ):
+            *fields, kept = row
+            if tuple(map(type, row)) != KINDS or digest(fields) != kept:
+                raise DamageError
+            yield fields
 
     def keep(self, key: str, name: str, entry: Entry) -> None:
         """Write a finished case, which is on the disk when this returns.
@@ -154,7 +164,7 @@ class Journal:
     def names(self) -> dict[str, str]:
         """Names of all finished cases by their keys."""
         with self._in_words():
-            return dict(self._database.execute("SELECT key, name FROM cases").fetchall())
+            return {key: name for key, name, *_ in self._cases()}
 
     def forget(self, keys: Collection[str]) -> int:
         """Drop finished cases; how many are left. Without any the file goes at the end."""
@@ -184,6 +194,8 @@ class Journal:
         known = execute("SELECT name FROM sqlite_master WHERE name = 'about'").fetchone()
         application = execute("PRAGMA application_id").fetchone()[0]
         if known is None:
+            if application == APPLICATION:
+                raise DamageError
             if execute("SELECT count(*) FROM sqlite_master").fetchone()[0] or application:
                 raise ArmDesignError(str(self.path), "is no journal", MOVE)
             execute("BEGIN IMMEDIATE")
@@ -210,15 +222,14 @@ class Journal:
             fault = f"has the format {form}, this version of armdesign reads {FORMAT}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)
         made = execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
-        if sorted(made) != sorted((statement,) for statement in _TABLES):
-            raise self._damaged()
+        if len(made) != len(_TABLES) or {sql for (sql,) in made} != set(_TABLES):
+            raise DamageError
         if execute("PRAGMA integrity_check").fetchone()[0] != "ok":
-            raise self._damaged()
+            raise DamageError
         about = dict(execute("SELECT name, value FROM about").fetchall())
-        try:
-            written, before = about["version"], dict(json.loads(about["files"]))
-        except (KeyError, TypeError, ValueError):
-            raise self._damaged() from None
+        written, before = about.get("version"), _by_name(about.get("files"))
+        if not isinstance(written, str):
+            raise DamageError
         if written != version:
             fault = f"was written by armdesign {written}, this is {version}"
             raise ArmDesignError(str(self.path), fault, self._otherwise)
@@ -236,15 +247,22 @@ class Journal:
         path, place = self._file, str(self.path)
         if path.is_symlink():
             raise ArmDesignError(place, "is a link", "remove it, or name another file")
-        if not path.name or "\0" in place or (path.exists() and not path.is_file()):
+        if not path.name or "\0" in place or _is_other(path):
             raise ArmDesignError(place, "is no regular file", "name another for the journal")
+        if _is_other(self._log):
+            raise ArmDesignError(f"{place}-wal", "is no regular file", MOVE)
+
+    @property
+    def _log(self) -> Path:
+        """The file beside it that has what was written last."""
+        return self._file.with_name(f"{self._file.name}-wal")
 
     def _refuse_others(self) -> None:
         """Raise for a file that holds what no journal begins with."""
         with self._file.open("rb") as file:
             head = file.read(HEAD)
-        log = self._file.with_name(f"{self._file.name}-wal")  # may have what the head has not yet
-        made = len(head) == HEAD and any(head[TABLES]) and not log.exists()
+        # a log may have what the head has not yet
+        made = len(head) == HEAD and any(head[TABLES]) and not self._log.exists()
         other = made and head[PROGRAM] != APPLICATION.to_bytes(4)
         if other or not MAGIC.startswith(head[: len(MAGIC)]):
             raise ArmDesignError(str(self.path), "is no journal", MOVE)
@@ -254,11 +272,10 @@ class Journal:
 
         One without a byte may have been killed as it was begun, or is new; beside a log it is not.
         """
-        log = self._file.with_name(f"{self._file.name}-wal")
         with contextlib.suppress(OSError):
             size = self._file.stat().st_size
-            if 0 < size < HEAD or (size == 0 and log.stat().st_size > 0):
-                raise self._damaged()
+            if 0 < size < HEAD or (size == 0 and self._log.stat().st_size > 0):
+                raise DamageError
 
     def _in_use(self) -> ArmDesignError:
         remedy = "wait for that, or name another folder"
@@ -274,6 +291,8 @@ class Journal:
         place = str(self.path)
         try:
             yield
+        except (DamageError, UnicodeDecodeError):  # the latter where SQLite says what is wrong
+            raise self._damaged() from None
         except BlockingIOError:
             raise self._in_use() from None
         except OSError as error:
@@ -294,6 +313,26 @@ class Journal:
                 raise ArmDesignError(place, fault, remedy) from None
             fault = f"cannot be used ({error})"
             raise ArmDesignError(place, fault, "name another folder") from None
+
+
+def _is_other(path: Path) -> bool:
+    """Whether there is something that is no file."""
+    return path.exists() and not path.is_file()
+
+
+def _by_name(text: Any) -> dict[str, Any]:
+    """Values by name, of the JSON that has them.
+
+    Raises:
+        DamageError: it is no such text.
+    """
+    try:
+        values = json.loads(text) if isinstance(text, str) else None
+    except (ValueError, RecursionError):
+        raise DamageError from None
+    if not isinstance(values, dict):
+        raise DamageError
+    return values
 
 
 def _connected(path: Path) -> sqlite3.Connection:
@@ -320,7 +359,7 @@ def _set_aside(path: Path) -> None:
         return
     try:
         _connected(path).close()
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:  # it may be damaged
         if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_BUSY:
             raise
     number = 1

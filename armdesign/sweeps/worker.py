@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
-import signal
 import threading
 import time
 from collections.abc import Mapping
+from concurrent.futures import BrokenExecutor
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,11 +14,12 @@ from uuid import uuid4
 
 import numpy as np
 
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, may_pass
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.journal import Entry
 from armdesign.machine.changes import changed_machine
 from armdesign.machine.machine import Machine
+from armdesign.processes import belong_to
 from armdesign.sweeps.answers import COLUMNS, writable
 from armdesign.sweeps.cases import Case
 from armdesign.sweeps.sending import Sent, received, words_of
@@ -32,7 +32,6 @@ ONE_THREAD = {  # environment of processes whose libraries shall not share out t
 }
 DIGITS = 4000  # of a whole number that is answered: Python writes no more than 4300
 LARGEST = 10**DIGITS
-WATCH = 1.0  # [s] between two looks at whether the parent lives
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,8 +88,7 @@ def prepare_process(sent: Sent, parent: int) -> None:
 
     What keeps it from that is said by the first case.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
+    belong_to(parent)
     try:
         prepare(received(sent))
     except ArmDesignError as error:
@@ -125,11 +123,17 @@ def answer(name: str, case: Case) -> Outcome:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            final = isinstance(error, ArmDesignError) and not error.passing
             seconds = time.perf_counter() - start
             words = writable(words_of(error))
-            return Outcome(answer={}, seconds=seconds, error=words, final=final)
+            return Outcome(answer={}, seconds=seconds, error=words, final=_is_final(error))
         return Outcome(answer=numbers, seconds=time.perf_counter() - start)
+
+
+def _is_final(error: BaseException) -> bool:
+    """Whether the same case ends in it again: neither the surroundings nor another ended it."""
+    return isinstance(error, Exception) and not (
+        isinstance(error, BrokenExecutor) or may_pass(error)
+    )
 
 
 def _answer(study: Study, case: Case) -> dict[str, Any]:
@@ -188,13 +192,6 @@ def _exact(value: Any) -> Any:
     if isinstance(value, int):
         return value if isinstance(value, bool) else int.__int__(value)
     return float.__float__(value) if isinstance(value, float) else value
-
-
-def _end_with_parent(parent: int) -> None:
-    """End this process when its parent has ended, which a killed one cannot ask for."""
-    while os.getppid() == parent:
-        time.sleep(WATCH)
-    os._exit(1)
 
 
 def died(times: int) -> Outcome:

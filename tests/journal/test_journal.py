@@ -225,20 +225,69 @@ def test_a_name_is_that_of_a_file_whatever_sqlite_reads_in_it(
         assert len(journal.entries()) == 2
 
 
-def test_a_text_that_is_none_any_more_is_damage(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["CAST(x'ff61' AS TEXT)", "CAST(name AS BLOB)", "'another'"])
+def test_a_text_that_is_none_any_more_or_another_is_damage(tmp_path: Path, name: str) -> None:
     path = tmp_path / "j.sqlite"
     filled(path, 1)
     with contextlib.closing(sqlite3.connect(path)) as other, other:
-        other.execute("UPDATE cases SET name = CAST(x'ff61' AS TEXT)")
+        other.execute(f"UPDATE cases SET name = {name}")
+    with opened(path) as journal:
+        for read in (journal.entries, journal.names):
+            with pytest.raises(ArmDesignError, match="is damaged"):
+                read()
+
+
+@pytest.mark.parametrize(
+    "answer", ["[1]", "5", "null", "{x", "[" * 100_000, '{"x": ' + "9" * 5000 + "}"]
+)
+def test_what_is_no_answer_is_damage(tmp_path: Path, answer: str) -> None:
+    """Also where the digest beside it is its own."""
+    path = tmp_path / "j.sqlite"
+    filled(path, 1)
+    row = ["k", "case", answer, 0.1, ""]
+    with contextlib.closing(sqlite3.connect(path)) as other, other:
+        other.execute("INSERT INTO cases VALUES (?, ?, ?, ?, ?, ?)", [*row, digest(row)])
+    before = path.read_bytes()
     with opened(path) as journal, pytest.raises(ArmDesignError, match="is damaged"):
         journal.entries()
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(("byte", "bit"), [("cases", 7), ("CREATE TABLE", 7), ("about", 0)])
+def test_a_flipped_bit_in_what_the_tables_are_is_damage(
+    tmp_path: Path, byte: str, bit: int
+) -> None:
+    """SQLite says it with the byte, which is no text; what is there can be set aside."""
+    path = tmp_path / "j.sqlite"
+    filled(path, 1)
+    spoilt = bytearray(path.read_bytes())
+    spoilt[spoilt.index(byte.encode())] ^= 1 << bit
+    path.write_bytes(spoilt)
+    with pytest.raises(ArmDesignError, match="is damaged; restore a copy"):
+        opened(path)
+    assert path.read_bytes() == spoilt
+    with opened(path, new=True) as journal:
+        assert not journal.entries()
+    assert (tmp_path / "j.1.sqlite").read_bytes() == spoilt
+
+
+def test_a_folder_where_its_log_would_be_is_no_damage(tmp_path: Path) -> None:
+    path = tmp_path / "j.sqlite"
+    (tmp_path / "j.sqlite-wal").mkdir()
+    with pytest.raises(ArmDesignError, match="-wal: is no regular file; move it"):
+        opened(path)
+    assert not path.exists()
 
 
 @pytest.mark.parametrize(
     "spoilt",
     [
         "DELETE FROM about WHERE name = 'version'",
+        "UPDATE about SET value = CAST(value AS BLOB) WHERE name = 'version'",
         "UPDATE about SET value = '{' WHERE name = 'files'",
+        "UPDATE about SET value = '[1]' WHERE name = 'files'",
+        "PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = CAST(sql AS BLOB)"
+        " WHERE name = 'about'",
         "DROP TABLE cases",
         "DROP TABLE cases; CREATE VIEW cases AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL"
         " SELECT x + 1 FROM n) SELECT x AS key, x AS name, x AS answer FROM n",

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from enum import IntEnum, StrEnum
 from functools import lru_cache
@@ -80,6 +81,40 @@ def test_what_the_surroundings_keep_from_an_answer_is_asked_again(tmp_path: Path
     assert answers().kept == 1
 
 
+def fails(machine: ad.Machine, _: ad.Workspace, how: str) -> Mapping[str, Any]:
+    """A task of the user's whose errors are none of ours."""
+    try:
+        if how == "of the disk":
+            raise OSError("no room")
+        raise ValueError("no answer")
+    except OSError as error:
+        raise ValueError("no file") from error
+    except ValueError as error:
+        if how == "hidden":
+            raise KeyError("no name") from None
+        if how == "of a process":
+            raise BrokenProcessPool("a worker died") from error
+        if how == "stopped":
+            raise SystemExit from error
+        raise
+
+
+@pytest.mark.parametrize(
+    ("how", "kept"),
+    [("", 1), ("hidden", 1), ("of the disk", 0), ("of a process", 0), ("stopped", 0)],
+)
+def test_an_error_of_the_function_is_its_answer(how: str, kept: int, tmp_path: Path) -> None:
+    """Of any kind, unless the surroundings may be what it was raised for."""
+    options: dict[str, Any] = {"options": {"how": how}, "points": 2}
+    first, again = (
+        ad.sweep("paper_1dof", task=fails, journal=tmp_path / "j.sqlite", **options)
+        for _ in range(2)
+    )
+    assert (first.kept, again.kept) == (0, kept)
+    assert len(again.failures) == 1
+    assert again.frame["error"].equals(first.frame["error"])
+
+
 def test_a_switched_off_compiler_is_asked_again(tmp_path: Path) -> None:
     code = "import armdesign as ad, sys\nanswers = ad.sweep('paper_1dof', task='validate',"
     code += " points=2, journal='j.sqlite')\nprint(answers.kept, *answers.failures.values())"
@@ -114,7 +149,9 @@ def test_errors_tell_whether_they_may_pass() -> None:
         assert raised(cause).passing
         assert pickle.loads(pickle.dumps(raised(cause))).passing
     assert raised(raised(OSError())).passing
-    assert not raised(ValueError()).passing
+    own = ValueError()
+    own.__cause__ = own
+    assert not raised(own).passing
     with pytest.raises(MachineFileError, match="also: b: is wrong") as caught:
         raise_together([raised(OSError()), ad.ArmDesignError("b", "is wrong")])
     assert caught.value.passing
