@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -182,6 +183,21 @@ def test_devices_of_windows(name: str, refused: Refused) -> None:
 )
 def test_empty_and_huge_options(words: list[str], message: str, refused: Refused) -> None:
     refused(words, message)
+
+
+BOUND = "-dac_override,-dac_read_search"  # what lets root read whatever is forbidden
+AS_OTHERS = ["setpriv", "--inh-caps", BOUND, "--bounding-set", BOUND] if os.geteuid() == 0 else []
+
+
+@pytest.mark.skipif(bool(AS_OTHERS) and not shutil.which("setpriv"), reason="root reads all")
+@pytest.mark.parametrize("words", [["map", "shut"], ["check", "shut/x.toml"]])
+def test_a_machine_in_a_folder_that_may_not_be_read(words: list[str], tmp_path: Path) -> None:
+    (tmp_path / "shut").mkdir(mode=0)
+    finished = subprocess.run(
+        [*AS_OTHERS, *ARMDESIGN, *words], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert finished.returncode == 2, finished.stderr
+    assert_one_line(finished.stderr, f"{words[1]}: cannot be read (Permission denied); check the")
 
 
 @pytest.mark.slow
