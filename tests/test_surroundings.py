@@ -200,13 +200,13 @@ def test_a_machine_in_a_folder_that_may_not_be_read(words: list[str], tmp_path: 
     assert_one_line(finished.stderr, f"{words[1]}: cannot be read (Permission denied); check the")
 
 
-@pytest.mark.slow
-def test_without_the_compiler(tmp_path: Path) -> None:
-    finished = run(
-        "validate", "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1"
-    )
+@pytest.mark.parametrize("command", [pytest.param("validate", marks=pytest.mark.slow), "design"])
+def test_without_the_compiler(command: str, tmp_path: Path) -> None:
+    """A design would be validated by nothing but failures."""
+    finished = run(command, "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1")
     assert finished.returncode == 2
     assert_one_line(finished.stderr, "NUMBA_DISABLE_JIT: simulations need numba's compiler")
+    assert not list(tmp_path.iterdir())
     assert run("check", "paper_1dof", folder=tmp_path, NUMBA_DISABLE_JIT="1").returncode == 0
 
 
