@@ -208,12 +208,14 @@ def design(run: OverWorkspace, search: AimedSearch) -> None:
     """
     from armdesign.report.designs import design_sheets, summary
     from armdesign.report.validations import limiting_sheet
+    from armdesign.simulation.plant.compiled import refuse_switched_off
     from armdesign.simulation.validation import validate_maps
     from armdesign.sweeps.numbers import of_search, of_validation
 
     with run.progress("mapping the workspace") as say:
         model, workspace, out = run.open_workspace()
         output.check_urdf(model, out)
+        refuse_switched_off()
         run.go_on(out)
         answer = _design(model, workspace, {"vary": ("areas", "pins"), **search.settings}, say)
         say("simulating the worst, the median and the best pose, today and new")

@@ -1,4 +1,4 @@
-"""Text of files that people give: regular files of bounded size, in UTF-8.
+"""Files that people give: regular ones of bounded size; text of them in UTF-8.
 
 What is no regular file (a device, a pipe) may never end, also behind a symbolic link, so it is
 told before anything is read of it.
@@ -15,6 +15,7 @@ MB = 1_000_000
 LARGEST_MACHINE_FILE = 1 * MB  # a hundred times the largest one that comes with the package
 LARGEST_URDF = 4 * MB
 LARGEST_TABLE = 64 * MB  # a CSV file: an hour of ten signals at 200 Hz
+LARGEST_REPORT = 64 * MB  # report.json: that of a design takes up to 1 MB; and a picture beside it
 # without waiting: a pipe is opened before it is known to be one
 READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
@@ -30,6 +31,11 @@ def read(path: str | Path, largest: int) -> str:
         OSError: no such file, no regular one, or a larger one.
         ValueError: no UTF-8, or a path that no file can have.
     """
+    return read_bytes(path, largest).decode("utf-8-sig")
+
+
+def read_bytes(path: str | Path, largest: int) -> bytes:
+    """Bytes of a file of at most so many; errors as of ``read``."""
     opened = os.open(path, READ)
     try:
         kind = os.fstat(opened).st_mode
@@ -43,4 +49,4 @@ def read(path: str | Path, largest: int) -> str:
         os.close(opened)
     if len(data) > largest:
         raise OSError(errno.EFBIG, f"larger than {largest / MB:g} MB")
-    return data.decode("utf-8-sig")
+    return data

@@ -21,6 +21,7 @@ from armdesign.csv_rows import plain_text, read_rows
 from armdesign.machine.machine import Machine
 from armdesign.mechanism import urdf_faults
 from armdesign.output import write_csv
+from armdesign.report.contents import Picture, Report, ReportSection
 from armdesign.text_files import LARGEST_MACHINE_FILE, LARGEST_URDF
 from tests import machines
 from tests.commands import Refused, main
@@ -51,7 +52,7 @@ def with_links(count: int, *, behind: bool = True, kind: str = "revolute") -> st
 
 # ------------------------------------------------------------------------------- what is no file
 
-ODD = (("machine", "pipe"), ("machine", "device"))  # quick, and could wait for ever
+ODD = (("machine", "pipe"), ("machine", "device"), ("report", "pipe"))  # quick
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in the file system")
@@ -59,7 +60,7 @@ ODD = (("machine", "pipe"), ("machine", "device"))  # quick, and could wait for 
     ("what", "kind"),
     [
         pytest.param(what, kind, marks=() if (what, kind) in ODD else pytest.mark.slow)
-        for what in ("machine", "urdf", "catalogue", "csv")
+        for what in ("machine", "urdf", "catalogue", "csv", "report")
         for kind in ("pipe", "device", "folder", "large")
     ],
 )
@@ -70,6 +71,8 @@ def test_what_is_no_regular_file_of_some_size(
     path = written(tmp_path)
     suffixes = {"machine": "toml", "urdf": "urdf"}
     place = tmp_path / f"odd.{suffixes.get(what, 'csv')}"
+    if what == "report":
+        place = tmp_path / "report.json"
     if kind == "pipe":
         os.mkfifo(place)
     elif kind == "device":
@@ -87,6 +90,8 @@ def test_what_is_no_regular_file_of_some_size(
         path.write_text(text, encoding="utf-8")
     elif what == "catalogue":
         words = ["optimize", *words[1:-1], "--catalogue", str(place)]
+    elif what == "report":
+        words = ["report", str(tmp_path)]
     else:
         words = ["calibrate", str(path), str(place), "--fit", "fluid.bulk_modulus_MPa"]
     run = subprocess.run(
@@ -101,6 +106,21 @@ def test_what_is_no_regular_file_of_some_size(
         "large": "larger than",
     }
     assert re.search(expected[kind], run.stderr), run.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in the file system")
+def test_pictures_of_a_report_that_are_no_regular_files(tmp_path: Path) -> None:
+    """The page says that they lack."""
+    pictures = tuple(Picture(caption="C", file=file) for file in ("pipe.png", "device.png"))
+    report = Report(title="", lead="", sections=(ReportSection(title="", pictures=pictures),))
+    (tmp_path / "report.json").write_text(report.text(), encoding="utf-8")
+    os.mkfifo(tmp_path / "pipe.png")
+    (tmp_path / "device.png").symlink_to("/dev/zero")
+    words = [sys.executable, "-c", BOUNDED, "report", str(tmp_path)]
+    run = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stderr) == (0, "")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count("the folder has no picture") == 2
 
 
 BOUNDED = f"""

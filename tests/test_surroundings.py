@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -184,13 +185,28 @@ def test_empty_and_huge_options(words: list[str], message: str, refused: Refused
     refused(words, message)
 
 
-@pytest.mark.slow
-def test_without_the_compiler(tmp_path: Path) -> None:
-    finished = run(
-        "validate", "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1"
+BOUND = "-dac_override,-dac_read_search"  # what lets root read whatever is forbidden
+AS_OTHERS = ["setpriv", "--inh-caps", BOUND, "--bounding-set", BOUND] if os.geteuid() == 0 else []
+
+
+@pytest.mark.skipif(bool(AS_OTHERS) and not shutil.which("setpriv"), reason="root reads all")
+@pytest.mark.parametrize("words", [["map", "shut"], ["check", "shut/x.toml"]])
+def test_a_machine_in_a_folder_that_may_not_be_read(words: list[str], tmp_path: Path) -> None:
+    (tmp_path / "shut").mkdir(mode=0)
+    finished = subprocess.run(
+        [*AS_OTHERS, *ARMDESIGN, *words], cwd=tmp_path, capture_output=True, text=True
     )
+    assert finished.returncode == 2, finished.stderr
+    assert_one_line(finished.stderr, f"{words[1]}: cannot be read (Permission denied); check the")
+
+
+@pytest.mark.parametrize("command", [pytest.param("validate", marks=pytest.mark.slow), "design"])
+def test_without_the_compiler(command: str, tmp_path: Path) -> None:
+    """A design would be validated by nothing but failures."""
+    finished = run(command, "paper_1dof", "--points", "3", folder=tmp_path, NUMBA_DISABLE_JIT="1")
     assert finished.returncode == 2
     assert_one_line(finished.stderr, "NUMBA_DISABLE_JIT: simulations need numba's compiler")
+    assert not list(tmp_path.iterdir())
     assert run("check", "paper_1dof", folder=tmp_path, NUMBA_DISABLE_JIT="1").returncode == 0
 
 

@@ -2,11 +2,14 @@
 
 In the model space the machine stands at its pose, forward to the right. Every link with pins is a
 block ``link_<name>`` in its own frame, x to the right and z up, inserted below: what a drawing of
-the link begins with. The only door to ezdxf.
+the link begins with. Characters that no block may have in its name are "_" there. The only door to
+ezdxf.
 """
 
 from __future__ import annotations
 
+import re
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +19,7 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.side_view import SideView, side_view
-from armdesign.errors import ArmDesignError
+from armdesign.errors import ArmDesignError, printable
 from armdesign.exchange.pin_table import pin_table
 from armdesign.machine.poses import joint_positions
 from armdesign.units import deg, mm
@@ -38,6 +41,7 @@ LAYERS = {  # name: colour of the DXF palette, linetype
 TEXT, MARK = 1 / 110, 1 / 160  # height of texts and radius of circles, over the drawn size
 WIDTH = 1.4  # of a row of sheets, over the drawn size
 CROWD = np.array([14, 2.5])  # text heights along x and z within which texts of two pins meet
+FORBIDDEN = re.compile(r'[<>/\\":;?*|,=`]')  # in names of blocks, which are equal in any case
 REMARK = "circles mark places of pins, not their sizes; mm"
 
 
@@ -141,6 +145,7 @@ def _corners(view: SideView) -> tuple[Array, Array]:
 def _draw_links(sheet: _ScaledSpace, document: Any, table: pd.DataFrame, corner: Array) -> None:
     """A block of pins in its own frame for each link, inserted in rows below a corner (2,)."""
     (left, top), lowest = corner, corner[1]
+    names = set[str]()
     for link, rows in table[table["link"] != ""].groupby("link", sort=False):
         places = rows[["x_mm", "z_mm"]].to_numpy(dtype=float)
         if len(np.unique(places, axis=0)) < 2:
@@ -149,12 +154,21 @@ def _draw_links(sheet: _ScaledSpace, document: Any, table: pd.DataFrame, corner:
         width = max(high[0] - low[0], 30 * sheet.text) + 25 * sheet.text
         if left > corner[0] and left + width > corner[0] + WIDTH * sheet.size:
             left, top = corner[0], lowest
-        block = document.blocks.new(f"link_{link}")
-        _draw_link(sheet.on(block), str(link), rows, (low, high))
+        name = _block_name(str(link), names)
+        _draw_link(sheet.on(document.blocks.new(name)), str(link), rows, (low, high))
         insert = (left - low[0], top - high[1] - 10 * sheet.text)
-        sheet.space.add_blockref(f"link_{link}", insert, dxfattribs={"layer": "LINKS"})
+        sheet.space.add_blockref(name, insert, dxfattribs={"layer": "LINKS"})
         left += width
         lowest = min(lowest, insert[1] + low[1] - 8 * sheet.text)
+
+
+def _block_name(link: str, taken: set[str]) -> str:
+    """Name of a link's block, numbered where another's is like it; taken from then on."""
+    name = FORBIDDEN.sub("_", printable(f"link_{link}"))
+    numbered = (f"{name}_{number}" if number > 1 else name for number in count(1))
+    free = next(one for one in numbered if one.lower() not in taken)
+    taken.add(free.lower())
+    return free
 
 
 def _draw_link(

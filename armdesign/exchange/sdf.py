@@ -2,11 +2,13 @@
 
 SDF allows joints that close loops, so that rods end on their pins by joints of their own. Joints
 are 0 at the pose, and limits count from there. Frozen joints are fixed. Loads are left out, as
-in a URDF. Springs hold the arm without them at rest at the pose.
+in a URDF. Springs hold the arm without them at rest at the pose. Names that SDF keeps for itself
+are refused.
 """
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -17,6 +19,7 @@ from numpy.typing import ArrayLike
 from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.visuals import Visual, visuals
+from armdesign.errors import ArmDesignError
 from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
 from armdesign.exchange.urdf import centre, folder_of, urdf
 from armdesign.machine.load_case import NO_LOAD
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 VERSION = "1.7"  # the first with relative_to
+RESERVED = re.compile(r"world|__.*__|.*::.*", re.DOTALL)
 # of bodies whose mass is within the links, and of frames: simulators refuse none at all
 LIGHT, LIGHT_INERTIA = 0.1, 1e-3  # [kg], [kg m²]
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -40,6 +44,7 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
     """Text of the SDF at a pose q (nq,) [rad, m]; default: the middle of the joint ranges.
 
     Raises:
+        ArmDesignError: a name that SDF keeps for itself.
         PoseError: not one number per joint, or of a machine with springs a pose that it cannot
             take.
     """
@@ -51,6 +56,10 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
     _add_joints(settled(replace(machine, payload=NO_LOAD), q), model, rigid)
     for body in cylinder_bodies(machine, q, q[0]):
         _add_body(model, body)
+    for element in model.iter():
+        if RESERVED.fullmatch(name := element.get("name", "")):
+            fault = f'SDF keeps the name "{name}" of a {element.tag} for itself'
+            raise ArmDesignError(machine.name, fault, "rename it, or leave out the format sdf")
     ET.indent(document)
     text = ET.tostring(document, encoding="unicode")
     remark = (

@@ -75,9 +75,17 @@ def find(path_or_name: str | Path) -> Path:
     """The machine file that a path, folder or shipped name stands for.
 
     Raises:
-        MachineFileError: no such machine.
+        MachineFileError: no such machine, or a folder that may not be read.
     """
-    path, names = machine_file.path_of(path_or_name), shipped()
+    path = machine_file.path_of(path_or_name)
+    try:
+        return _found(path, shipped())
+    except OSError as error:
+        raise machine_file.unreadable(path, error) from None
+
+
+def _found(path: Path, names: dict[str, Path]) -> Path:
+    """The file at a path, in its folder, or among those that come with the package."""
     transaction.mend(path if path.is_dir() else path.parent)
     own = path / f"{path.resolve().name if path.is_dir() else path.name}.toml"
     if own.is_file():

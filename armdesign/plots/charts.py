@@ -33,6 +33,16 @@ class Curve:
     kind: Literal["dots", "rings", "line"] = "dots"
     words: tuple[tuple[str, ...], ...] = ()
 
+    def __post_init__(self) -> None:
+        """Have an ordinate for each point, and for each as many words, or none for all.
+
+        Raises:
+            ValueError: there are more or fewer.
+        """
+        words = self.words or len(self.x) * ((),)
+        if not len(self.x) == len(self.y) == len(words) or len(set(map(len, words))) > 1:
+            raise ValueError("points differ in how many values or words they have")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Chart:

@@ -10,6 +10,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from armdesign import text_files
 from armdesign.errors import ArmDesignError
 from armdesign.plots.charts import Chart
 from armdesign.report.scene import MapScene
@@ -89,13 +90,14 @@ class Report:
         if folder.exists() and not folder.is_dir():
             raise ArmDesignError(str(folder), "is a file", f"give its folder: {folder.parent}")
         try:
-            text = path.read_text(encoding="utf-8")
+            text = text_files.read(path, text_files.LARGEST_REPORT)
         except FileNotFoundError:
             fault = f"no {FILE} is there"
             commands = "write one by armdesign design, map, validate, control or paper"
             raise ArmDesignError(str(folder), fault, commands) from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise ArmDesignError(str(path), f"cannot be read ({error})", AGAIN) from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "not a text file"
+            raise ArmDesignError(str(path), f"cannot be read ({reason})", AGAIN) from None
         return cls.of_text(text, str(path))
 
     @classmethod

@@ -8,10 +8,12 @@ from __future__ import annotations
 import base64
 import io
 import json
+import warnings
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from armdesign import text_files
 from armdesign.errors import printable
 from armdesign.report.contents import Picture, Report
 from armdesign.report.interactive import interactive
@@ -87,16 +89,18 @@ def _as_script(data: object) -> str:
 
 def _embedded(picture: Picture, folder: Path) -> EmbeddedPicture:
     """A picture of the folder with few colours, as base64."""
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     path = folder / Path(picture.file).name  # of no other folder
     try:
-        dots = path.read_bytes()
-        with Image.open(io.BytesIO(dots)) as image:
-            image.load()
-            small = image.format == "PNG" and image.mode == "P" and image.width <= WIDEST
-            dots = dots if small else _few_dots(image)
-    except (OSError, UnidentifiedImageError):
+        dots = text_files.read_bytes(path, text_files.LARGEST_REPORT)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(dots)) as image:
+                image.load()
+                small = image.format == "PNG" and image.mode == "P" and image.width <= WIDEST
+                dots = dots if small else _few_dots(image)
+    except Exception:  # of any kind, as each format's reader has its own of a damaged file
         return EmbeddedPicture(picture.caption, picture.file, "")
     return EmbeddedPicture(picture.caption, picture.file, base64.b64encode(dots).decode("ascii"))
 

@@ -52,6 +52,15 @@ class CellAxis:
     middles: tuple[float, ...]
     width: float
 
+    def __post_init__(self) -> None:
+        """Have a cell.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if not self.middles:
+            raise ValueError("an axis without cells")
+
 
 @dataclass(frozen=True, kw_only=True)
 class CellPlane:
@@ -122,6 +131,15 @@ class MapScene:
     cases: tuple[str, ...]
     machines: tuple[DrawnMachine, ...]
     quantity: str = FREQUENCY
+
+    def __post_init__(self) -> None:
+        """Have a plane, and values of a known quantity.
+
+        Raises:
+            ValueError: there is none, or another quantity.
+        """
+        if not self.planes or self.quantity not in (FREQUENCY, BANDWIDTH):
+            raise ValueError("a scene without cells, or of another quantity")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

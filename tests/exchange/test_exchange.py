@@ -4,8 +4,10 @@ them.
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import ezdxf
 import numpy as np
@@ -27,6 +29,17 @@ ODD = ("spatial", "slewing", "crossing")
 
 def machine_of(name: str) -> ad.Machine:
     return ad.load(name) if name in NAMES else getattr(machines, name)()
+
+
+def renamed(**names: str) -> ad.Machine:
+    """The machine with one joint, with other names of its links."""
+    machine = ad.load("paper_1dof")
+    text, urdf = machine.text, machine.urdf_text
+    for link, name in names.items():
+        text = text.replace(f'link = "{link}"', f"link = {json.dumps(name)}")
+        for key in ("<link name", "link"):
+            urdf = urdf.replace(f'{key}="{link}"', f"{key}={quoteattr(name)}")
+    return ad.Machine.from_text(text, urdf, Path("paper_1dof.toml"))
 
 
 # -------------------------------------------------------------------------------------- pin table
@@ -72,6 +85,28 @@ def test_ezdxf_reads_the_drawing(name: str, tmp_path: Path) -> None:
         texts = " ".join(text.dxf.text for text in block.query("TEXT"))
         assert all(pin in texts for pin in rows["pin"])
         assert len(block.query('LWPOLYLINE[layer=="CENTRE_LINES"]')) == 2 * len(drawn)
+
+
+@pytest.mark.parametrize(
+    ("base", "boom", "blocks"),
+    [
+        ("base", "arm/boom", ("link_base", "link_arm_boom")),
+        ("a b", 'ä<>:;?*|,=`"\\', ("link_a b", "link_ä____________")),
+        ("Boom", "boom", ("link_Boom", "link_boom_2")),
+        ("a/b", "a:B", ("link_a_b", "link_a_B_2")),
+        ("a\n", "b", ("link_a_n", "link_b")),
+    ],
+)
+def test_blocks_have_names_that_are_allowed_and_differ(
+    base: str, boom: str, blocks: tuple[str, ...], tmp_path: Path
+) -> None:
+    machine = renamed(base=base, boom=boom)
+    document = ezdxf.readfile(ad.export(machine, tmp_path / "m.dxf"))
+    assert not document.audit().errors
+    drawn = {insert.dxf.name for insert in document.modelspace().query("INSERT")}
+    assert drawn == set(blocks)
+    texts = [text.dxf.text for name in blocks for text in document.blocks[name].query("TEXT")]
+    assert all(any(f"link {link.strip()}:" in text for text in texts) for link in (base, boom))
 
 
 def test_the_drawing_stands_at_the_pose(tmp_path: Path) -> None:
@@ -206,6 +241,16 @@ def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
         lower_upper = [float(limit.findtext(end) or "nan") for end in ("lower", "upper")]
         at = q[machine.joints.index(joint)]
         assert np.array(lower_upper) + at == pytest.approx(limits, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "like_it"), [("world", "World"), ("__model__", "_model__"), ("a::b", "a:b")]
+)
+def test_names_that_sdf_keeps_are_refused(name: str, like_it: str, tmp_path: Path) -> None:
+    message = f'paper_1dof: SDF keeps the name "{name}" of a link for itself; rename it'
+    with pytest.raises(ad.ArmDesignError, match=message):
+        ad.export(renamed(base=name), tmp_path / "m.sdf")
+    ad.export(renamed(base=like_it), tmp_path / "m.sdf")
 
 
 def test_springs_of_the_sdf_hold_the_unloaded_arm_at_the_pose(tmp_path: Path) -> None:

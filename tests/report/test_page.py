@@ -233,16 +233,6 @@ def test_nothing_of_a_report_becomes_markup(tmp_path: Path) -> None:
     assert "<img src=x" not in text
 
 
-def test_a_picture_that_lacks_is_told_and_others_are_of_the_folder_alone(tmp_path: Path) -> None:
-    outside = tmp_path / "outside.png"
-    outside.write_bytes(b"no picture")
-    folder = tmp_path / "folder"
-    folder.mkdir()
-    pictures = tuple(Picture(caption="C", file=f) for f in ("a.png", "../outside.png"))
-    report = Report(title="", lead="", sections=(ReportSection(title="", pictures=pictures),))
-    assert page(report, folder).count("the folder has no picture") == 2
-
-
 @pytest.mark.parametrize(
     ("sheet", "expected"),
     [
@@ -388,6 +378,30 @@ def test_a_row_has_a_cell_below_each_head() -> None:
     text = json.dumps({"title": "", "lead": "", "sections": [section], "format": FORMAT})
     with pytest.raises(ArmDesignError, match=r"is damaged: sections\.0\.sheets\.0 is not what"):
         Report.of_text(text)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("sections.0.charts.0.curves.0.words", [["a"]]),
+        ("sections.0.charts.0.curves.0.words", [["a"], ["b", "c"]]),
+        ("sections.0.charts.0.curves.0.y", [1.0]),
+        ("scene.planes", []),
+        ("scene.planes.0.x.middles", []),
+        ("scene.quantity", "none"),
+    ],
+)
+def test_what_cannot_be_drawn_is_damaged(place: str, value: object) -> None:
+    curve = Curve(name="", colour="#000000", x=(1.0, 2.0), y=(3.0, 4.0), words=(("a",), ("b",)))
+    chart = Chart(title="", x="", y="", heads=("",), curves=(curve,))
+    sections, scene = (ReportSection(title="", charts=(chart,)),), scene_of({"": two_joints()})
+    report = Report(title="", lead="", sections=sections, scene=scene)
+    *above, key = (int(word) if word.isdigit() else word for word in place.split("."))
+    data: Any = json.loads(report.text())
+    functools.reduce(lambda one, k: one[k], above, data)[key] = value
+    part = re.escape(".".join(map(str, above)))
+    with pytest.raises(ArmDesignError, match=rf"is damaged: {part} is not what armdesign"):
+        Report.of_text(json.dumps(data))
 
 
 def test_a_report_is_named_by_its_folder(tmp_path: Path) -> None:

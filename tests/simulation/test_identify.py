@@ -254,6 +254,7 @@ def test_faults_of_recordings() -> None:
         (columns, [(3, 2)], "3:2 is no window"),
         (columns, [(0, 2, 4)], r"\(0, 2, 4\) is no window"),
         (columns, [2.0], "2.0 is no window"),
+        (columns, [(0, 4), (0.0, 4.0)], "the window 0:4 is there twice; leave one out"),
         ({"time_s": time, "boom": pressure}, [(0, 4)], "no column is a pressure"),
         ({"boom_cap_bar": pressure}, [(0, 4)], "has no time"),
     ):

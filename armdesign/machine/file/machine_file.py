@@ -5,6 +5,7 @@ A fault is answered with file, key path, value, range and remedy.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,17 +38,23 @@ def path_of(value: str | Path) -> Path:
     """The path that a text may be.
 
     Raises:
-        MachineFileError: it is none, or too long for one.
+        MachineFileError: it is none, too long for one, or in a folder that may not be read.
     """
     try:
         path = Path(value)
-        path.is_dir()  # a name that is too long raises
+        path.is_dir()
     except TypeError:
         raise MachineFileError(str(value), "is not a path", "give a path or a name") from None
     except OSError as error:
-        fault = f"cannot be read ({error.strerror})"
-        raise MachineFileError(f"{value!s:.60}…", fault, "check the path") from None
+        raise unreadable(path, error) from None
     return path
+
+
+def unreadable(path: Path, error: OSError | ValueError) -> MachineFileError:
+    """The error of a path that cannot be read, by what the system says."""
+    reason = getattr(error, "strerror", None) or error
+    part = str(path) if getattr(error, "errno", None) != errno.ENAMETOOLONG else f"{path!s:.60}…"
+    return MachineFileError(part, f"cannot be read ({reason})", "check the path")
 
 
 def read_text(path: Path, largest: int = LARGEST_MACHINE_FILE) -> str:
@@ -64,8 +71,7 @@ def read_text(path: Path, largest: int = LARGEST_MACHINE_FILE) -> str:
     except UnicodeDecodeError:
         raise MachineFileError(str(path), "is not UTF-8 text", "save it as UTF-8") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = getattr(error, "strerror", None) or error
-        raise MachineFileError(str(path), f"cannot be read ({reason})", "check the path") from None
+        raise unreadable(path, error) from None
 
 
 def leads_out(folder: Path, urdf: str) -> bool:

@@ -61,12 +61,11 @@ class Swings(ReadOnly):
         """
         if len(self.time) < LEAST_PIECES:
             return None
-        offset, slope, covariance, _ = _line(
-            self.amplitudes, self.frequencies, self.frequency_deviations
-        )
         ends = np.array([self.amplitudes.max(), self.amplitudes.min()])
-        first, second = offset + slope * ends
-        deviation = math.sqrt(PERIODS * covariance[1, 1]) * np.ptp(ends)
+        shares = self.amplitudes / ends[0]
+        offset, slope, covariance, _ = _line(shares, self.frequencies, self.frequency_deviations)
+        first, second = offset + slope * ends / ends[0]
+        deviation = math.sqrt(PERIODS * covariance[1, 1]) * np.ptp(shares)
         if abs(second - first) < max(SURE * deviation, NOTABLE * abs(second)):
             return None
         return float(first), float(second), float(ends[0]), float(ends[1])
@@ -92,6 +91,8 @@ def swings(time: Array, signal: Array, left: Array, frequency: float, damping: f
         frequency: natural frequency of the whole [Hz].
         damping: its damping ratio.
     """
+    scale = float(np.abs(signal).max())  # the squares of small numbers are none
+    signal, left = signal / scale, left / scale
     step = float((time[-1] - time[0]) / (len(time) - 1))
     omega, zeta = 2 * math.pi * frequency * step, min(max(damping, 1e-4), 0.9)
     start = np.array([omega * (-zeta + 1j * math.sqrt(1 - zeta**2))])
@@ -112,6 +113,7 @@ def swings(time: Array, signal: Array, left: Array, frequency: float, damping: f
     if len(table) >= LEAST_PIECES:
         for k in (2, 4):
             table[:, k + 1] *= max(_line(table[:, 1], table[:, k], table[:, k + 1])[3], 1.0)
+    table[:, 1] *= scale
     return Swings(*table.T.copy())
 
 

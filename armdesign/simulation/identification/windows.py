@@ -37,7 +37,7 @@ def stated_windows(part: str, windows: Iterable[tuple[float, float]]) -> list[tu
         windows: pairs of numbers.
 
     Raises:
-        SimulationError: no pair of numbers, or no begin before its end.
+        SimulationError: no pair of numbers, no begin before its end, or one is there twice.
     """
     given, remedy = [], "give begin < end [s]"
     for ends in windows:
@@ -47,6 +47,9 @@ def stated_windows(part: str, windows: Iterable[tuple[float, float]]) -> list[tu
             raise SimulationError(part, f"{ends!r} is no window", remedy) from None
         if not (math.isfinite(begin) and begin < end):
             raise SimulationError(part, f"{begin:.15g}:{end:.15g} is no window", remedy)
+        if (begin, end) in given:
+            fault = f"the window {begin:.15g}:{end:.15g} is there twice"
+            raise SimulationError(part, fault, "leave one out")
         given.append((begin, end))
     return given
 

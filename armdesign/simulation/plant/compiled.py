@@ -152,13 +152,18 @@ def new_records(shape: int | tuple[int, ...], dtype: np.dtype[np.void]) -> Recor
     Raises:
         SimulationError: numba is switched off, which alone gives records attributes.
     """
+    refuse_switched_off()
+    return cast(Records, np.zeros(shape, dtype))
+
+
+def refuse_switched_off() -> None:
+    """Raise a SimulationError where numba is switched off: nothing can be simulated."""
     switches: Any = numba.config
     if switches.DISABLE_JIT:
         fault = "simulations need numba's compiler, which it switches off"
         error = SimulationError("NUMBA_DISABLE_JIT", fault, "unset it")
         error.passing = True
         raise error
-    return cast(Records, np.zeros(shape, dtype))
 
 
 class _Inner(Compiler):
