@@ -84,9 +84,9 @@ def changed_machine(
             whole[path] = value
     values = dict[str, Any]()
     for path, value in sorted(whole.items(), key=lambda item: item[0].count(".")):
-        wholes = _given_wholes(path, whole, part)
+        within = _is_within_another(path, whole, part)
         new = _as_before(known.get(path), value)
-        if wholes or not _same(known.get(path), new):
+        if within or not _same(known.get(path), new):
             values[path] = new
     source = machine.source
     try:
@@ -99,8 +99,8 @@ def changed_machine(
         raise
 
 
-def _given_wholes(path: str, changes: Mapping[str, Any], part: str) -> list[str]:
-    """Key paths above one that change, too: it then changes what they give.
+def _is_within_another(path: str, changes: Mapping[str, Any], part: str) -> bool:
+    """Whether a key path above this one changes, too: it then changes what that one gives.
 
     Raises:
         ArmDesignError: one of them gives the value at the path already.
@@ -114,7 +114,7 @@ def _given_wholes(path: str, changes: Mapping[str, Any], part: str) -> list[str]
         if inner is not None:
             fault = f"is in {table}, which is given, too"
             raise ArmDesignError(f"{part} {path}", fault, "leave one out")
-    return wholes
+    return bool(wholes)
 
 
 def _blame(error: MachineFileError, changes: Mapping[str, Any], part: str, source: str) -> None:

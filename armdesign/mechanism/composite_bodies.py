@@ -97,7 +97,7 @@ def inertia_and_gravity(
         if (parent := joints[j].parent) >= 0:
             carried[parent] = carried[parent].with_body(carried[j], foot[j] - foot[parent])
     rows = slice(1 if one else n)
-    inertia, gravity, slope = map(_poses_first, (inertia, gravity, slope))
+    inertia, gravity, slope = map(pose_by_pose, (inertia, gravity, slope))
     return inertia[rows], gravity[rows], slope[rows]
 
 
@@ -141,5 +141,6 @@ def _components_first(values: Array) -> Array:
     return np.ascontiguousarray(np.moveaxis(values, 0, -1))
 
 
-def _poses_first(values: Array) -> Array:
-    return np.ascontiguousarray(np.moveaxis(values, -1, 0))
+def pose_by_pose(components: Array) -> Array:
+    """Components (k, …, n) as an array (n, k, …) in one piece."""
+    return np.ascontiguousarray(np.moveaxis(components, -1, 0))

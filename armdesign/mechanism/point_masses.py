@@ -7,6 +7,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.mechanism.arm import Arm
+from armdesign.mechanism.composite_bodies import pose_by_pose
 from armdesign.mechanism.jets import VectorJet, cross
 from armdesign.mechanism.linkage.base import Linkage
 from armdesign.mechanism.rigid_poses import RigidPoses
@@ -44,10 +45,7 @@ def of_carried(
             if arm.coordinates[i].revolute:
                 rising = axes[i][0] * y - axes[i][1] * x
                 slope[i, j] = slope[j, i] = GRAVITY * rising
-    inertia, gravity, slope = (
-        np.ascontiguousarray(np.moveaxis(values, -1, 0)) for values in (inertia, gravity, slope)
-    )
-    return inertia, gravity, slope
+    return pose_by_pose(inertia), pose_by_pose(gravity), pose_by_pose(slope)
 
 
 def points_of_bars(
