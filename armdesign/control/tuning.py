@@ -27,7 +27,7 @@ from armdesign.units import bar
 
 # η of one gain for all, from which on it is sought by factors, the first of which is WIDER
 LOSS_FACTORS, WIDER = (0.012, 0.02, 0.03, 0.05, 0.08, 0.13, 0.2, 0.33, 0.53, 0.85, 1.4), 1.27
-KEPT = 0.5  # of gains that a finer grid allows; below, other η may allow more
+KEPT = 0.75  # of gains that a finer grid allows; below, other η may allow more
 LARGEST, SMALLEST = 1.5, 1e-4  # κ, and of that
 BOUND = 2.5  # ζ, of κ without pressure feedback; Merritt's is 2 ζ, over the part PASSED
 PASSED = 0.8  # of a mode by valve and delay, Re V: the bound has room for as little
@@ -93,6 +93,11 @@ class Task:
     def fine(self) -> Loops:
         """The loops on a fine grid."""
         return Loops.of(self.plant, FINE)
+
+    @property
+    def closer(self) -> Task:
+        """The task at the end of a search: gains are found within ``CLOSER``, or closer."""
+        return replace(self, close=min(self.close, CLOSER))
 
     @property
     def resting(self) -> Tuned:
@@ -176,12 +181,13 @@ def damped(task: Task) -> Tuned:
     in which both rise together: so η is sought from the smallest on.
     """
     kappa, eta = _widest_together(task)
-    found = safe(task, task.common(kappa, eta))
+    found = safe(task.closer, task.common(kappa, eta))
     left = task.without_units(found.controller)[0][:, 0]
     few = np.flatnonzero(left <= KEPT * kappa)
     if len(few) == 0:
         return found
-    return found.replaced(few, best_of(task[few], LOSS_FACTORS[::-1]).or_wider(found[few]))
+    others = best_of(task[few], LOSS_FACTORS[::-1])
+    return found.replaced(few, others.or_wider(found[few]))
 
 
 def _widest_together(task: Task) -> tuple[Array, Array]:
@@ -189,21 +195,21 @@ def _widest_together(task: Task) -> tuple[Array, Array]:
     kappa, eta = np.zeros(len(task.plant)), np.full(len(task.plant), LOSS_FACTORS[0])
     width = np.zeros(len(eta))
 
-    def try_with(other: Array) -> None:
-        tried = _out_of_bands(task, task.largest(other, task.close * kappa), other, kappa)
+    def try_with(other: Array, within: Task) -> None:
+        tried = _out_of_bands(task, within.largest(other, within.close * kappa), other, kappa)
         rows = np.flatnonzero(tried)
         widths = narrowest(task.loops, task.common(tried, other), task.aim.margin, rows)
         rows, widths = rows[widths > width[rows]], widths[widths > width[rows]]
         kappa[rows], eta[rows], width[rows] = tried[rows], other[rows], widths
 
     for each in LOSS_FACTORS:
-        try_with(np.full(len(eta), each))
-    factor = WIDER
-    while factor > task.close:
-        try_with(eta * factor)
-        try_with(eta / factor)
+        try_with(np.full(len(eta), each), task)
+    factor, finer = WIDER, task.closer
+    while factor > finer.close:
+        within = task if factor > task.close else finer
+        try_with(eta * factor, within)
+        try_with(eta / factor, within)
         factor = math.sqrt(factor)
-    finer = replace(task, close=min(task.close, CLOSER))
     return np.maximum(_out_of_bands(task, finer.largest(eta, kappa), eta, kappa), kappa), eta
 
 
@@ -250,20 +256,23 @@ class Tuned:
 
 
 def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
-    """Controllers (n) of the widest loops that some η of all loops allows.
+    """Controllers (n) of the widest loops that some η of all loops allows, 0 where none do.
 
     What counts is what is left where gains are reduced, see ``safe``: the η of the largest κ on a
     coarse grid may lose more of it than another.
     """
-    best, tuned = np.zeros(len(task.plant)), task.resting
+    tuned, kept = task.resting, np.zeros(len(task.plant))
+    kappa, eta = np.zeros_like(kept), np.zeros_like(kept)
     for each in loss_factors:
-        eta = np.full(len(best), each)
-        kappa = _out_of_bands(task, task.largest(eta, task.close * best), eta, best)
-        kept = safe(task, task.common(kappa, eta))
-        wider = np.flatnonzero(kept.figures.narrowest > tuned.figures.narrowest)
-        best[wider] = task.without_units(kept.controller)[0][wider, 0]
-        tuned = tuned.replaced(wider, kept[wider])
-    return tuned
+        other = np.full(len(kept), each)
+        tried = _out_of_bands(task, task.largest(other, task.close * kept), other, kept)
+        left = safe(task, task.common(tried, other))
+        wider = np.flatnonzero(left.figures.narrowest > tuned.figures.narrowest)
+        tuned = tuned.replaced(wider, left[wider])
+        kept[wider] = task.without_units(left.controller)[0][wider, 0]
+        kappa[wider], eta[wider] = tried[wider], each
+    share = np.divide(kept, kappa, out=np.zeros_like(kept), where=kappa > 0)
+    return _raised(task.closer, task.common(kappa, eta), task.resting, tuned, share)
 
 
 def _out_of_bands(task: Task, kappa: Array, eta: Array, least: Array) -> Array:
@@ -302,7 +311,7 @@ def safe(task: Task, controller: Controller, least: Tuned | None = None) -> Tune
         rows = np.setdiff1d(rows, holding)
         if len(rows) == 0:
             break
-    return kept if task.close >= CLOSE else _raised(task, controller, least, kept, share)
+    return _raised(task, controller, least, kept, share)
 
 
 def keeping(task: Task, controller: Controller, rows: Array) -> tuple[Array, Tuned]:
