@@ -122,8 +122,9 @@ def performance_sheet(machines: Mapping[str, Machine], units: Units = WORKSHOP) 
         words=("figure",),
         note=(
             "pairs: extending, retracting; at supply pressure, and with all of the pump's flow for"
-            " one actuator; reach over the full strokes, heights over the root's origin; dump"
-            " height: of the tool straight below the last joint that turns it"
+            " one actuator; stroke times of whole strokes, also where joint limits leave less;"
+            " reach over the full strokes, heights over the root's origin; dump height: of the"
+            " tool straight below the last joint that turns it"
         ),
     )
 

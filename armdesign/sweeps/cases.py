@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from pathlib import Path
@@ -134,6 +134,36 @@ def csv_changes(path: str | Path) -> list[Changes]:
     ]
 
 
+def changes_of(
+    changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None,
+    requirements: Sequence[Changes] | None,
+    sobol: int | None,
+    seed: int,
+) -> list[Changes]:
+    """Changes of all cases, each with every set of requirements; see ``sweep``.
+
+    Raises:
+        ArmDesignError: no changes that can be made, or no ranges for a Sobol sequence.
+    """
+    if not sobol:
+        refuse_unless_seed(seed)
+        if seed:
+            raise ArmDesignError("seed", "is of no sequence", "give sobol too, or no seed")
+        chosen = all_changes(changes)
+    elif isinstance(changes, Mapping):
+        chosen = sobol_changes(changes, sobol, seed)
+    else:
+        raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
+    sets = [
+        by_key_path({f"requirements.{name}": value for name, value in rules.items()}, "sweep")
+        for rules in requirements or [{}]
+    ]
+    refuse_many(len(chosen) * len(sets))
+    for path in {p for one in chosen for p in one} & {p for rules in sets for p in rules}:
+        raise ArmDesignError(path, "is given in changes and in requirements", "give it once")
+    return [plain({**one, **rules}, "changes") for one in chosen for rules in sets]
+
+
 def all_changes(
     changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None,
 ) -> list[Changes]:
@@ -159,7 +189,33 @@ def all_changes(
     return listed
 
 
-def plain(values: Mapping[str, Any], part: str) -> dict[str, Any]:
+def by_key_path(table: Mapping[str, Any], part: str) -> Changes:
+    """Values of nested tables by key path.
+
+    Args:
+        table: of key paths, and of tables of them.
+        part: that has it, for messages.
+
+    Raises:
+        ArmDesignError: a path is there in two ways, as ``a.b`` and in a table ``a``.
+    """
+    flat: dict[str, Any] = {}
+    for path, value in _leaves(table):
+        if path in flat:
+            raise ArmDesignError(f"{part}.{path}", "is there twice", "leave one out")
+        flat[path] = value
+    return flat
+
+
+def _leaves(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def plain(values: Mapping[str, Any], part: str, *, arrays: bool = True) -> dict[str, Any]:
     """Values by name, in new lists and dicts; NumPy's numbers and arrays as Python's.
 
     The keys of a dict within them are in order.
@@ -167,27 +223,31 @@ def plain(values: Mapping[str, Any], part: str) -> dict[str, Any]:
     Args:
         values: any.
         part: that has them, for messages.
+        arrays: whether arrays may become lists, which to a function is not the same.
 
     Raises:
-        ArmDesignError: a dict whose keys are no texts, or a list in itself.
+        ArmDesignError: a dict whose keys are no texts, a list in itself, or an array.
     """
     try:
-        return {name: _plain(value, f"{part}.{name}") for name, value in values.items()}
+        return {name: _plain(value, f"{part}.{name}", arrays) for name, value in values.items()}
     except RecursionError:
         fault = "has values within values without end"
         raise ArmDesignError(part, fault, "give numbers and texts") from None
 
 
-def _plain(value: Any, part: str) -> Any:
+def _plain(value: Any, part: str, arrays: bool) -> Any:
     if hasattr(value, "tolist"):
         value = value.tolist()
+        if not arrays and isinstance(value, list):
+            remedy = "give a list, and make an array of it in the function"
+            raise ArmDesignError(part, "is an array, of which no journal knows the kind", remedy)
     if isinstance(value, dict):
         for key in value:
             if not isinstance(key, str):
                 raise ArmDesignError(part, f"the key {key!r} is no text", "give texts as keys")
-        return {key: _plain(value[key], f"{part}.{key}") for key in sorted(value)}
+        return {key: _plain(value[key], f"{part}.{key}", arrays) for key in sorted(value)}
     if type(value) in (list, tuple):
-        return type(value)(_plain(one, part) for one in value)
+        return type(value)(_plain(one, part, arrays) for one in value)
     return value
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from armdesign.machine.file import machine_file
 from armdesign.machine.file.toml_reading import read_toml
 from armdesign.machine.loading import shipped
 from armdesign.machine.machine import Machine
+from armdesign.sweeps.cases import by_key_path
 from armdesign.sweeps.tasks import task_named
 
 WAYS = {"grid": dict, "case": list, "csv": str, "sobol": dict}  # of saying what changes: one
@@ -43,13 +44,11 @@ def read_study(path: Path, load: Callable[[str | Path], Machine]) -> dict[str, A
     task_named(data.get("task", "map"))
     names = data["machine"] if isinstance(data["machine"], list) else [data["machine"]]
     machines = [load(_machine(name, path)) for name in names]
-    plain = ("task", "payloads", "points", "outputs")
-    rules = ("requirements",) if "requirements" in data else ()
+    plain = ("task", "payloads", "points", "requirements", "outputs")
     return {
         "machine": machines,
         **_changes(data, path),
         **{key: data[key] for key in plain if key in data},
-        **{key: _flat_all(data, key, path) for key in rules},
         **({"options": _options(data["options"], path)} if "options" in data else {}),
     }
 
@@ -83,14 +82,15 @@ def _check(data: Mapping[str, Any], name: str) -> None:
         raise ArmDesignError(name, fault, "leave all but one out")
 
 
-def _machine(name: Any, path: Path) -> str | Path:
-    """Name of a shipped machine, or path of another, which is from the folder of the study."""
+def _machine(name: Any, path: Path) -> Path:
+    """The path of a machine from the folder of the study, or of a shipped one."""
     if not isinstance(name, str) or not name:
         remedy = "give names or paths"
         raise ArmDesignError(f"{path.name}: machine", f"{name!r} is no machine", remedy)
     beside = path.parent / name
-    known = name in shipped() and not beside.is_file()
-    return name if known else beside
+    if beside.is_file() or (beside / f"{beside.name}.toml").is_file():
+        return beside
+    return shipped().get(name, beside)
 
 
 def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -100,7 +100,9 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if "case" in data:
         return {"changes": _flat_all(data, "case", path)}
     if "sobol" not in data:
-        return {"changes": _flat(data["grid"], f"{path.name}: grid")} if "grid" in data else {}
+        return (
+            {"changes": by_key_path(data["grid"], f"{path.name}: grid")} if "grid" in data else {}
+        )
     sequence = dict(data["sobol"])
     for key in sequence:
         if key not in ("count", "seed", "ranges"):
@@ -116,33 +118,11 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if not isinstance(ranges, dict):
         remedy = 'give a table [sobol.ranges] with lines as "cylinder.boom.bore_mm" = [100, 130]'
         raise ArmDesignError(f"{path.name}: sobol.ranges", "is missing", remedy)
-    ranges = _flat(ranges, f"{path.name}: sobol.ranges")
+    ranges = by_key_path(ranges, f"{path.name}: sobol.ranges")
     return {"changes": ranges, "sobol": count, "seed": seed}
 
 
 def _flat_all(data: Mapping[str, Any], key: str, path: Path) -> list[Any]:
     """Every table of a list by key path; others as they are, which are refused later."""
     part = f"{path.name}: {key}"
-    return [_flat(one, part) if isinstance(one, dict) else one for one in data[key]]
-
-
-def _flat(table: Mapping[str, Any], part: str) -> dict[str, Any]:
-    """Values of nested tables by key path, so that paths need no quotes.
-
-    Raises:
-        ArmDesignError: a path is written in two ways, as ``a.b`` and ``"a.b"``.
-    """
-    flat: dict[str, Any] = {}
-    for path, value in _leaves(table):
-        if path in flat:
-            raise ArmDesignError(f"{part}.{path}", "is there twice", "leave one out")
-        flat[path] = value
-    return flat
-
-
-def _leaves(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{above}{key}.")
-        else:
-            yield above + key, value
+    return [by_key_path(one, part) if isinstance(one, dict) else one for one in data[key]]

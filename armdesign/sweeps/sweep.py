@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 from uuid import uuid4
 
-from armdesign.arguments import checked, refuse_unless, refuse_unless_seed, with_options
+from armdesign.arguments import checked, refuse_unless, with_options
 from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, is_keeping
@@ -22,7 +22,7 @@ from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
 from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
-from armdesign.sweeps.cases import Case, Changes, all_changes, plain, refuse_many, sobol_changes
+from armdesign.sweeps.cases import Case, Changes, changes_of, plain, refuse_many
 from armdesign.sweeps.numbers import Numbers, names_of_changes
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
@@ -97,11 +97,11 @@ def sweep(
         seed: of that sequence.
         payloads: names of load cases, each alone; None: all together.
         requirements: keys of ``[requirements]``, whether the file has them or not, and their
-            values or whole tables, one mapping per set.
+            values, or tables that add to the file's, one mapping per set.
         outputs: names of the answers that the frame has, in this order; None: all. A journal has
             all of them.
-        options: of the task, numbers, words, requirements and bands, of which every case has a
-            copy; several sets of them are a case each.
+        options: of the task, numbers, words, lists, requirements and bands, of which every case
+            has a copy; several sets of them are a case each.
         workspace: the poses of all cases; None: a joint grid of every changed machine.
         points: of that grid.
         workers: processes; 1: this one.
@@ -132,14 +132,15 @@ def sweep(
     if workspace is not None and points is not None:
         fault = "goes not with workspace, which has poses of its own"
         raise ArmDesignError("points", fault, "leave one out")
-    chosen = _changes(changes, more)
+    chosen = changes_of(changes, more["requirements"], more["sobol"], more["seed"])
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
         refuse_options(task, one)
-    shared, sets = plain(shared, "options"), [plain(one, "options") for one in sets]
+    ours = isinstance(task, str)
+    shared, *sets = (plain(one, "options", arrays=ours) for one in (shared, *sets))
     _refuse_names({path for one in chosen for path in one}, {k for one in sets for k in one})
     kept = more["journal"] is not None or is_keeping()
-    identity = identity_of(task) if kept or isinstance(task, str) else uuid4().hex
+    identity = identity_of(task) if kept or ours else uuid4().hex
     machines = _machines(machine)
     for model in machines.values():
         if workspace is not None:
@@ -350,35 +351,6 @@ def files_of(machines: Iterable[Machine]) -> dict[str, str]:
         if machine.section.urdf:
             files[f"{machine.name}: {machine.section.urdf}"] = digest(machine.urdf_text)
     return files
-
-
-def _changes(
-    changes: Mapping[str, Sequence[Any]] | Sequence[Changes] | str | Path | None,
-    variants: Variants,
-) -> list[Changes]:
-    """Changes of the cases, each with every set of requirements.
-
-    Raises:
-        ArmDesignError: no changes that can be made, or no ranges for a Sobol sequence.
-    """
-    requirements = variants["requirements"]
-    if not variants["sobol"]:
-        refuse_unless_seed(variants["seed"])
-        if variants["seed"]:
-            raise ArmDesignError("seed", "is of no sequence", "give sobol too, or no seed")
-        chosen = all_changes(changes)
-    elif isinstance(changes, Mapping):
-        chosen = sobol_changes(changes, variants["sobol"], variants["seed"])
-    else:
-        raise ArmDesignError("sobol", "has no ranges", "give changes as two ends by key path")
-    sets = [
-        {f"requirements.{name}": value for name, value in rules.items()}
-        for rules in requirements or [{}]
-    ]
-    refuse_many(len(chosen) * len(sets))
-    for path in {p for one in chosen for p in one} & {p for rules in sets for p in rules}:
-        raise ArmDesignError(path, "is given in changes and in requirements", "give it once")
-    return [plain({**changes, **rules}, "changes") for changes in chosen for rules in sets]
 
 
 def _refuse_names(paths: Set[Any], options: Set[str]) -> None:

@@ -186,9 +186,11 @@ def test_requirements_of_a_sweep_are_values_and_tables() -> None:
         {"torque_share": {"nobody": 0.9}},
         {"speed": {"up": {"at": "never"}}},
         {"torque_share.extension": 0.8, "torque_share": 0.9},
-        {"torque_share": {"extension": 0.9}, "torque_share.extension": 0.8},
         {"torque_share": 0.9, "torque_share.extension": 0.94},  # which the file says, too
     ]
+    twice = [{"torque_share": {"extension": 0.9}, "torque_share.extension": 0.8}]
+    with pytest.raises(ad.ArmDesignError, match=r"torque_share\.extension: is there twice"):
+        ad.sweep("loader_crane", None, "map", requirements=twice, points=2)
 
     def asked(machine: ad.Machine, _: ad.Workspace) -> dict[str, Any]:
         rules = machine.section.requirements
@@ -198,11 +200,50 @@ def test_requirements_of_a_sweep_are_values_and_tables() -> None:
     assert frame["share"].tolist()[:2] == ["0.9", "{'default': 0.95, 'extension': 0.9}"]
     assert frame["sizes"].tolist()[:3] == ["iso", "iso", "5mm"]
     assert frame["share"][5] == "{'default': 0.9, 'extension': 0.8}"
-    assert frame["share"][7] == "{'default': 0.9, 'extension': 0.94}"
-    nobody, never, _, twice, _ = frame["error"].tolist()[3:]
-    assert 'requirements.torque_share: no actuator "nobody"' in nobody
-    assert 'requirements.speed: "never" is not allowed; give one of "mean", "every"' in never
-    assert "extension: is in requirements.torque_share, which is given, too" in twice
+    assert frame["share"][6] == "{'default': 0.9, 'extension': 0.94}"
+    nobody, never = frame["error"].tolist()[3:5]
+    assert 'requirements.torque_share.nobody: no actuator "nobody"' in nobody
+    assert 'requirements.speed.up.at: "never" is not allowed; give one of "mean", "every"' in never
+
+
+def test_tables_of_requirements_add_to_those_of_the_file(tmp_path: Path) -> None:
+    """In a list from Python they replaced them, so that speeds asked for were asked no more."""
+    model = ad.load("paper_1dof").replace({"requirements.oil_each_share": 1.05})
+    model = model.replace({"requirements.speed": {"up": {"joint_deg_per_s": {"boom": 10.0}}}})
+    model.save(tmp_path / "paper_1dof" / "paper_1dof.toml")
+    study = tmp_path / "study.toml"
+    study.write_text(
+        'machine = "paper_1dof"\npoints = 2\n[[requirements]]\noil_each_share = { lift = 1.2 }\n'
+        "speed = { down = { joint_deg_per_s = { boom = 5 } } }\n"
+    )
+    rules = {"oil_each_share": {"lift": 1.2}, "speed": {"down": {"joint_deg_per_s": {"boom": 5}}}}
+
+    def asked(machine: ad.Machine, _: ad.Workspace) -> dict[str, Any]:
+        section = machine.section.requirements
+        return {"speeds": " ".join(section.speed), "shares": str(section.oil_each_share)}
+
+    by_list = ad.sweep(model, None, asked, requirements=[rules], points=2)
+    by_file = ad.sweep(**{**read_study(study, ad.load), "task": asked})
+    assert by_file.frame["speeds"].tolist() == by_list.frame["speeds"].tolist() == ["up down"]
+    assert by_list.frame["shares"].tolist() == ["{'default': 1.05, 'lift': 1.2}"]
+    assert by_file.frame["shares"].tolist() == by_list.frame["shares"].tolist()
+    assert list(by_file.frame)[:4] == list(by_list.frame)[:4]
+
+
+def test_a_machine_beside_a_study_is_its_machine_from_every_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder beside it was overlooked, unless the command was typed there."""
+    other = ad.load("paper_1dof").replace({"payload.load.mass_kg": 123.0})
+    other.save(tmp_path / "paper_1dof" / "paper_1dof.toml")
+    for folder, mass in ((tmp_path, 123.0), (tmp_path / "alone", 200.0)):
+        folder.mkdir(exist_ok=True)
+        (folder / "study.toml").write_text('machine = "paper_1dof"\n')
+        for here in (tmp_path, tmp_path / "alone", tmp_path.parent):
+            here.mkdir(exist_ok=True)
+            monkeypatch.chdir(here)
+            (machine,) = read_study(folder / "study.toml", ad.load)["machine"]
+            assert machine.payload.mass == mass
 
 
 def test_tables_of_requirements_in_a_study_are_key_paths(tmp_path: Path) -> None:
@@ -237,3 +278,16 @@ def test_whole_numbers_of_a_sobol_sequence_may_be_numpys() -> None:
 def test_a_truth_value_is_no_seed(more: dict[str, int], seed: bool) -> None:
     with pytest.raises(ad.ArmDesignError, match=f"seed: {seed} is not allowed; give a whole"):
         ad.sweep("paper_1dof", {"cylinder.lift.bore_mm": [60, 70]}, seed=seed, **more)
+
+
+def test_arrays_are_no_options_of_functions() -> None:
+    """They were given as lists, of which twice is a longer one: another mean, and no error."""
+
+    def mean(machine: ad.Machine, _: ad.Workspace, gains: Any) -> dict[str, float]:
+        return {"mean": float(np.mean(gains * 2))}
+
+    for given in (np.array([1.0, 2.0, 3.0]), {"of": [np.ones(2)]}):
+        with pytest.raises(ad.ArmDesignError, match=r"options\.gains.*is an array"):
+            ad.sweep("paper_1dof", None, mean, options=[{"gains": given}], points=2)
+    scalar = ad.sweep("paper_1dof", None, mean, options={"gains": np.float64(2.0)}, points=2)
+    assert scalar.frame["mean"].tolist() == [4.0]

@@ -28,7 +28,8 @@ class Performance:
         arm: size of the moment arm there (k,) [m/rad].
         torque: supply pressure × area × moment arm there (2, k) [N m, N].
         largest: largest torque over the range (2,), by a parabola.
-        stroke_time: swept volume over the pump's flow (2,) [s]; of a motor over the joint's range.
+        stroke_time: volume of the whole stroke, of a motor over the joint's range, over the pump's
+            flow (2,) [s].
         speed: of the joint at the pump's flow (2, k) [rad/s, m/s]; inf at a dead centre.
     """
 
