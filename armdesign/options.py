@@ -147,7 +147,7 @@ VaryOption = Annotated[
     typer.Option(
         "--vary",
         help="What may change, separated by commas: areas, pins, linkages (pins and four-bars), or"
-        " key paths of the file such as cylinder.boom.bore_mm.",
+        " key paths of cylinders, such as cylinder.boom or cylinder.boom.base.at_mm.",
     ),
 ]
 CatalogueOption = Annotated[

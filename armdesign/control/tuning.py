@@ -186,8 +186,7 @@ def damped(task: Task) -> Tuned:
     few = np.flatnonzero(left <= KEPT * kappa)
     if len(few) == 0:
         return found
-    others = best_of(task[few], LOSS_FACTORS[::-1])
-    return found.replaced(few, others.or_wider(found[few]))
+    return found.replaced(few, best_of(task[few], LOSS_FACTORS[::-1]).or_wider(found[few]))
 
 
 def _widest_together(task: Task) -> tuple[Array, Array]:
@@ -256,23 +255,20 @@ class Tuned:
 
 
 def best_of(task: Task, loss_factors: Sequence[float]) -> Tuned:
-    """Controllers (n) of the widest loops that some η of all loops allows, 0 where none do.
+    """Controllers (n) of the widest loops that some η of all loops allows.
 
     What counts is what is left where gains are reduced, see ``safe``: the η of the largest κ on a
     coarse grid may lose more of it than another.
     """
-    tuned, kept = task.resting, np.zeros(len(task.plant))
-    kappa, eta = np.zeros_like(kept), np.zeros_like(kept)
+    best, tuned = np.zeros(len(task.plant)), task.resting
     for each in loss_factors:
-        other = np.full(len(kept), each)
-        tried = _out_of_bands(task, task.largest(other, task.close * kept), other, kept)
-        left = safe(task, task.common(tried, other))
-        wider = np.flatnonzero(left.figures.narrowest > tuned.figures.narrowest)
-        tuned = tuned.replaced(wider, left[wider])
-        kept[wider] = task.without_units(left.controller)[0][wider, 0]
-        kappa[wider], eta[wider] = tried[wider], each
-    share = np.divide(kept, kappa, out=np.zeros_like(kept), where=kappa > 0)
-    return _raised(task.closer, task.common(kappa, eta), task.resting, tuned, share)
+        eta = np.full(len(best), each)
+        kappa = _out_of_bands(task, task.largest(eta, task.close * best), eta, best)
+        kept = safe(task, task.common(kappa, eta))
+        wider = np.flatnonzero(kept.figures.narrowest > tuned.figures.narrowest)
+        best[wider] = task.without_units(kept.controller)[0][wider, 0]
+        tuned = tuned.replaced(wider, kept[wider])
+    return tuned
 
 
 def _out_of_bands(task: Task, kappa: Array, eta: Array, least: Array) -> Array:

@@ -41,9 +41,9 @@ class FrequencyMap(ReadOnly):
     Attributes:
         columns: by name, a value for each load case and pose at which it exists (n,): each joint
             [rad, m], ``payload``, ``tool_x_m`` …, ``f1_hz`` … (coupled), ``locked_<cylinder>_hz``,
-            ``rigid_<cylinder>_hz``, ``<cylinder>_force_n``, ``<cylinder>_extension``; of a motor
-            ``<motor>_torque_n_m``, no extension and inf for the rigid load. Each spring has a
-            coupled frequency more.
+            ``rigid_<cylinder>_hz``, ``<cylinder>_force_n``, ``<cylinder>_extension`` (share of the
+            stroke); of a motor ``<motor>_torque_n_m``, no extension and inf for the rigid load.
+            Each spring has a coupled frequency more.
         worst: the worst pose, refined off the grid.
         worst_of: the worst pose of every load case, by its name.
         limiting: for each row, the actuator or spring with the largest share in the lowest mode.
