@@ -20,6 +20,7 @@ from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest, exact
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
+from armdesign.processes import may_begin
 from armdesign.progress import rounds
 from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
 from armdesign.sweeps.cases import Case, Changes, all_changes, plain, refuse_many, sobol_changes
@@ -104,7 +105,7 @@ def sweep(
             copy; several sets of them are a case each.
         workspace: the poses of all cases; None: a joint grid of every changed machine.
         points: of that grid.
-        workers: processes; 1: this one.
+        workers: processes; 1: this one, which does all in a worker that may begin none.
         scheduler: address of a dask scheduler, as ``tcp://host:8786``, in place of ``workers``.
         journal: file in which every finished case stays; what is in it is not computed again.
             Without one a command or study that keeps what is finished keeps the cases, too.
@@ -273,7 +274,7 @@ class _CaseRunner:
             from armdesign.sweeps.cluster import on_cluster
 
             yield from on_cluster(self.study, cases, self.scheduler, self._died, self.say)
-        elif self.workers > 1:
+        elif self.workers > 1 and may_begin():
             from armdesign.sweeps.processes import on_processes
 
             yield from on_processes(self.study, cases, self.workers, self._died)

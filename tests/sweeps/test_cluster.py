@@ -163,6 +163,23 @@ def test_a_scheduler_that_is_killed_is_gone(tmp_path: Path) -> None:
         client.close(timeout=1)
 
 
+def sweeps_itself(machine: ad.Machine, _: ad.Workspace) -> Mapping[str, Any]:
+    """A task that asks for processes of its own."""
+    inner = ad.sweep(machine, {"fluid.bulk_modulus_MPa": [900.0, 1000.0]}, points=3, workers=2)
+    return {"sum": float(inner.answers["worst_hz"].sum())}
+
+
+def test_a_task_that_sweeps_needs_no_processes_of_a_worker_that_may_begin_none(
+    tmp_path: Path,
+) -> None:
+    """As one with a nanny, which is how dask begins several."""
+    with dask(tmp_path) as (address, worker, _):
+        worker("--nanny")
+        there = ad.sweep("paper_1dof", task=sweeps_itself, points=3, scheduler=address)
+    here = ad.sweep("paper_1dof", task=sweeps_itself, points=3)
+    assert there.answers["sum"].tolist() == here.answers["sum"].tolist()
+
+
 def test_two_sweeps_of_one_study_on_one_scheduler(tmp_path: Path) -> None:
     """The one that ends first leaves the other its workers; both have cases in common."""
     few, many = ({"fluid.bulk_modulus_MPa": [900.0 + n for n in range(k)]} for k in (8, 40))
