@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import product
@@ -22,13 +22,18 @@ from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.processes import may_begin
 from armdesign.progress import rounds
-from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
+from armdesign.sweeps.answers import (
+    COLUMNS,
+    Sweep,
+    names_of,
+    refuse_names,
+    within_columns,
+    writable,
+)
 from armdesign.sweeps.cases import Case, Changes, all_changes, plain, refuse_many, sobol_changes
 from armdesign.sweeps.numbers import Numbers, names_of_changes
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
-
-MOST_PATHS = 2_000  # a machine file has hundreds of numbers
 
 
 class Variants(TypedDict, total=False):
@@ -138,7 +143,8 @@ def sweep(
     for one in (shared, *sets):
         refuse_options(task, one)
     shared, sets = plain(shared, "options"), [plain(one, "options") for one in sets]
-    _refuse_names({path for one in chosen for path in one}, {k for one in sets for k in one})
+    paths, names = ({name for one in each for name in one} for each in (chosen, sets))
+    refuse_names(paths, names, {*(more["outputs"] or ())})
     kept = more["journal"] is not None or is_keeping()
     identity = identity_of(task) if kept or isinstance(task, str) else uuid4().hex
     machines = _machines(machine)
@@ -149,7 +155,8 @@ def sweep(
     refuse_many(len(study.machines) * len(more["payloads"] or [0]) * len(chosen) * len(sets))
     cases = list(_cases(study, chosen, more["payloads"], sets))
     run = _CaseRunner(
-        study=replace(study, columns=frozenset([*COLUMNS, *paths_of(cases)])),
+        study=study,
+        columns=frozenset({*COLUMNS, *map(writable, paths | names)}),
         workers=more["workers"],
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),
@@ -167,6 +174,7 @@ class _CaseRunner:
     """Means by which cases get their answers."""
 
     study: Study
+    columns: frozenset[str]  # of the frame, beside answers
     workers: int
     scheduler: str | None
     say: Callable[[str], None]
@@ -229,9 +237,8 @@ class _CaseRunner:
 
     def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
         """Fill in the answers that the sweep's own journal has, and those that are computed."""
-        columns = self.study.columns  # a journal may have answers of a sweep with other ones
-        entries = {k: e for k, e in journal.entries().items() if not columns & e.answer.keys()}
-        known |= {case.key: entries[case.key] for case in cases if case.key in entries}
+        entries = journal.entries()
+        known |= {c.key: self._in_frame(entries[c.key]) for c in cases if c.key in entries}
         for case, outcome in self._told([c for c in cases if c.key not in known], known):
             if outcome.final:
                 journal.keep(case.key, case.name, outcome)
@@ -245,7 +252,7 @@ class _CaseRunner:
                 yield numbers[case.key], outcome
 
         def read(k: int, answer: Mapping[str, Any]) -> Entry:
-            return known.setdefault(cases[k].key, Entry(**answer))
+            return known.setdefault(cases[k].key, self._in_frame(Entry(**answer)))
 
         form = Form(write=_written, read=read)
         all_finished("case", len(cases), lambda k: cases[k].key, compute, form)
@@ -258,9 +265,9 @@ class _CaseRunner:
         with rounds("case", count, before=len(known)) as finished:
             for case, outcome in self._outcomes(cases):
                 yield case, outcome
-                known[case.key] = outcome
+                known[case.key] = self._in_frame(outcome)
                 self.computed.add(case.key)
-                if outcome.answer and case.machine not in self.answered:
+                if known[case.key].answer and case.machine not in self.answered:
                     self.answered.add(case.machine)
                     self._refuse_misspelt_outputs(known.values())
                 self.say(f"{len(known)} of {count} cases")
@@ -284,6 +291,9 @@ class _CaseRunner:
                 yield from ((case, answer(self.study.name, case)) for case in cases)
             finally:
                 forget(self.study.name)
+
+    def _in_frame(self, entry: Entry) -> Entry:
+        return within_columns(entry, self.columns)
 
     def _died(self, case: Case) -> None:
         self.retried.append(case.name)
@@ -380,23 +390,6 @@ def _changes(
     for path in {p for one in chosen for p in one} & {p for rules in sets for p in rules}:
         raise ArmDesignError(path, "is given in changes and in requirements", "give it once")
     return [plain({**changes, **rules}, "changes") for changes in chosen for rules in sets]
-
-
-def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
-    """Raise for key paths that cannot be, and options that would be two columns of a name."""
-    if len(paths) > MOST_PATHS:
-        fault = f"{len(paths)} key paths are not allowed"
-        raise ArmDesignError("changes", fault, f"change at most {MOST_PATHS} numbers")
-    remedy = 'give texts, such as "cylinder.boom.bore_mm"'
-    for path in paths:
-        if not isinstance(path, str):
-            raise ArmDesignError("changes", f"{path!r} is no key path", remedy)
-        if path in COLUMNS:
-            fault = "is a column of the frame and no number of a machine file"
-            raise ArmDesignError(f"changes.{path}", fault, remedy)
-    for name in options & {*COLUMNS, *paths}:
-        fault = "is the name of another column"
-        raise ArmDesignError(f"options.{name}", fault, "give it another name")
 
 
 def _unwritten(**given: Mapping[str, Any]) -> ArmDesignError:
