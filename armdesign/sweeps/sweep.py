@@ -164,6 +164,8 @@ def sweep(
     )
     if more["journal"] is None:
         return run.answers(cases, None)
+    if more["new"]:
+        run.refuse_unreachable()
     files = files_of(study.machines.values())
     with Journal(Path(more["journal"]), files, study.version, more["new"]) as journal:
         return run.answers(cases, journal)
@@ -182,6 +184,13 @@ class _CaseRunner:
     retried: list[str] = field(default_factory=list)
     computed: set[str] = field(default_factory=set)
     answered: set[str] = field(default_factory=set)  # machines that have an answer
+
+    def refuse_unreachable(self) -> None:
+        """Raise for a scheduler that is not there, before a journal is set aside."""
+        if self.scheduler is not None:
+            from armdesign.sweeps.cluster import refuse_unreachable
+
+            refuse_unreachable(self.scheduler)
 
     def answers(self, cases: Sequence[Case], journal: Journal | None) -> Sweep:
         """The cases with the answers that a journal has, and those that are computed.

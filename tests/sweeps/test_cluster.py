@@ -21,6 +21,7 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
+from armdesign.sweeps import cluster
 from armdesign.sweeps.cluster import _client, _is_taken
 from armdesign.sweeps.sweep import sweep
 from armdesign.sweeps.worker import Study
@@ -118,6 +119,21 @@ def test_a_server_that_does_not_greet_is_no_scheduler(kind: str) -> None:
     done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert "cannot be reached or is no scheduler of dask (TimeoutError)" in done.stdout
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "x"])
+def test_a_journal_is_not_set_aside_for_a_scheduler_that_is_not_there(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    how: dict[str, Any] = {"points": 2, "journal": tmp_path / "j.sqlite"}
+    ad.sweep("paper_1dof", MODULI, **how)
+    before = (tmp_path / "j.sqlite").read_bytes()
+    with pytest.raises(ad.ArmDesignError, match=f"--scheduler: {address} cannot be reached"):
+        ad.sweep("paper_1dof", MODULI, scheduler=address, new=True, **how)
+    assert [path.name for path in tmp_path.iterdir()] == ["j.sqlite"]
+    assert (tmp_path / "j.sqlite").read_bytes() == before
+    assert ad.sweep("paper_1dof", MODULI, **how).kept == 30
 
 
 def cancels(machine: ad.Machine, _: ad.Workspace, k: int) -> Mapping[str, Any]:
