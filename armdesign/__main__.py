@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from armdesign.streams import keep_for_answers, replace_closed
@@ -44,8 +45,9 @@ def main() -> None:
 def leave_out_current_folder() -> None:
     """Import nothing from it, which ``python -m`` puts first: a machine's folder holds data."""
     found_there = Path(__file__).parents[1]
-    if not sys.flags.safe_path and sys.path[0] == os.getcwd() != str(found_there):
-        del sys.path[0]
+    with suppress(FileNotFoundError):  # it is gone
+        if not sys.flags.safe_path and sys.path[0] == os.getcwd() != str(found_there):
+            del sys.path[0]
 
 
 if __name__ == "__main__":

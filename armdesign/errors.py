@@ -20,6 +20,8 @@ CONTROLS = re.compile(
 DIGITS, READ = re.compile("[0-9,]+"), 60  # of a whole number, of which nobody reads more
 LONGEST = 4_000  # characters of a part, fault or remedy: names in files may have any length
 SURROUNDINGS = (OSError, ImportError, MemoryError)  # as Python says that a place is at fault
+# as SQLite does: busy, locked, no memory, read-only, input or output, full, cannot be opened
+SURROUNDINGS_OF_SQLITE = (5, 6, 7, 8, 10, 13, 14)
 CAUSES = 100  # of an error that are looked at: one may be its own
 MOST_NAMES, SHOWN_NAMES = 200, 60  # among which a name is looked for; that a remedy lists
 
@@ -87,12 +89,21 @@ class ArmDesignError(Exception):
 def may_pass(error: BaseException | None) -> bool:
     """Whether an error may pass without another input: it, or one that it was raised for."""
     for _ in range(CAUSES):
-        if isinstance(error, SURROUNDINGS):
+        if _is_of_surroundings(error):
             return True
         if error is None or isinstance(error, ArmDesignError):
             break
         error = error.__cause__ if error.__suppress_context__ else error.__context__
     return isinstance(error, ArmDesignError) and error.passing
+
+
+def _is_of_surroundings(error: BaseException | None) -> bool:
+    if isinstance(error, SURROUNDINGS):
+        return True
+    sqlite3 = sys.modules.get("sqlite3")  # loaded where there is a journal
+    if sqlite3 is None or not isinstance(error, sqlite3.Error):
+        return False
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in SURROUNDINGS_OF_SQLITE
 
 
 class MachineFileError(ArmDesignError):

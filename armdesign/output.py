@@ -294,12 +294,26 @@ def _refused(out: Path | str, fault: str, code: int | None = None) -> ArmDesignE
 def check_out(out: Path) -> None:
     """Raise if a folder cannot be written; complete or undo what a killed run left there."""
     try:
+        _refuse_broken_link(out)
         existing = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
     except OSError as error:
         raise _refused(f"{out!s:.60}", f"cannot be used ({error.strerror})") from None
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise _refused(out, f"{existing} is not a folder to write into")
     transaction.mend(out)
+
+
+def _refuse_broken_link(out: Path) -> None:
+    """Raise for a folder that is, or is within, a link without an end."""
+    ends = {errno.ENOENT: "a link to nothing", errno.ELOOP: "a link in a circle"}
+    for folder in (out, *out.absolute().parents):
+        try:
+            os.stat(folder)
+        except OSError as error:
+            if folder.is_symlink() and error.errno in ends:
+                remedy = "remove it or mend it, or name another folder"
+                fault = f"{folder} is {ends[error.errno]}"
+                raise ArmDesignError(f"--out {out}", fault, remedy) from None
 
 
 @contextmanager

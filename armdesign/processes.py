@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -90,19 +91,25 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
+def may_begin() -> bool:
+    """Whether Python lets this process begin others, as a worker of a pool or of dask may not."""
+    multiprocessing = sys.modules.get("multiprocessing")
+    return multiprocessing is None or not multiprocessing.current_process().daemon
+
+
 def in_processes(
     tasks: Iterable[Callable[[], T]], workers: int, *, ordered: bool = False
 ) -> Iterator[T]:
     """Results of tasks as they come, or in their order, by as many processes.
 
     All of these begin before this returns. One worker, or a single task, is this process, which
-    does each task when its result is asked for.
+    does each task when its result is asked for; so is one that ``may_begin`` none.
 
     Raises:
         ArmDesignError: the system lets no processes begin.
     """
     some = list(tasks)
-    if workers <= 1 or len(some) < 2:
+    if workers <= 1 or len(some) < 2 or not may_begin():
         return (task() for task in some)
     from joblib import Parallel, delayed
 

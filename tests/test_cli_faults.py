@@ -157,6 +157,33 @@ def test_a_place_that_cannot_be_written(
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
+@pytest.mark.parametrize("within", ["", "/x"])
+@pytest.mark.parametrize(
+    ("end", "said"), [("nowhere", "a link to nothing"), ("link", "a link in a circle")]
+)
+@pytest.mark.parametrize("command", [["check"], ["map"], ["draw"], ["sweep", "study.toml"]])
+def test_a_link_without_an_end_is_said(
+    command: list[str],
+    end: str,
+    said: str,
+    within: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """It "cannot be written (File exists)", as the last word after all the work."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "link").symlink_to(end)
+    (tmp_path / "study.toml").write_text('machine = "paper_1dof"\npoints = 3\n')
+    words = [*command, "paper_1dof"][:2]
+    assert main([*words, "--out", f"link{within}"], monkeypatch) == 2
+    printed = capfd.readouterr()
+    place = tmp_path / "link" if within else Path("link")
+    assert_one_line(printed.err, f"--out link{within}: {place} is {said}; remove it or mend it")
+    assert printed.out == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "study.toml"]
+
+
 @pytest.mark.parametrize(
     "words",
     [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -9,6 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+import armdesign as ad
 
 INTERRUPTED = """
 import os, signal, sys
@@ -51,6 +55,28 @@ from armdesign.processes import in_processes
 for count, workers in ((3, 1), (1, 2)):
     assert [*in_processes([os.getpid] * count, workers)] == count * [os.getpid()]
 print("joblib" in sys.modules, "multiprocessing" in sys.modules)
+"""
+
+IN_A_POOL = """
+import multiprocessing, sys
+import armdesign as ad
+from armdesign.processes import in_processes
+
+def sums(machine, workspace):
+    inner = ad.sweep(machine, {{"fluid.bulk_modulus_MPa": [900, 1000]}}, points=3, workers=2)
+    sums = {{"sum": float(inner.frame["worst_hz"].sum())}}
+    how = {{"values": [1.0, 1.05], "vary": ["areas"], "starts": 1, "workers": 2}}
+    front = ad.pareto(machine, ad.Workspace.grid(machine, 2), **how).frame["frequency_hz"]
+    return sums | {{"best": float(front.max())}}
+
+def work(_):
+    frame = ad.sweep("paper_1dof", task=sums, points=3, journal="j.sqlite").frame
+    answer = frame[["sum", "best"]].to_numpy(float)[0].tolist()
+    return answer, frame["error"].tolist(), [*in_processes([int, int], 2)]
+
+if __name__ == "__main__":
+    with multiprocessing.get_context("{kind}").Pool(1) as pool:
+        print(pool.map(work, [0])[0])
 """
 
 
@@ -108,3 +134,31 @@ def test_processes_that_cannot_begin_are_said_in_words(code: str, tmp_path: Path
     said = "worker processes: cannot begin (No such file or directory); take one worker, or begin"
     assert done.stdout.startswith(said)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param("spawn", marks=pytest.mark.slow), multiprocessing.get_start_method()]
+)
+def test_a_worker_of_a_pool_begins_no_process(kind: str, tmp_path: Path) -> None:
+    """Python does not let it: cases ended in an AssertionError, in the journal for good."""
+    (tmp_path / "run.py").write_text(IN_A_POOL.format(kind=kind))
+    done = subprocess.run(
+        [sys.executable, "run.py"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    (total, best), errors, tasks = ast.literal_eval(done.stdout)
+    machine = ad.load("paper_1dof")
+    changed = [machine.replace({"fluid.bulk_modulus_MPa": modulus}) for modulus in (900, 1000)]
+    maps = [ad.frequency_map(one, ad.Workspace.grid(one, 3)) for one in changed]
+    assert total == sum(one.worst.frequency for one in maps)
+    front = ad.pareto(
+        machine, ad.Workspace.grid(machine, 2), values=[1.05], vary=["areas"], starts=1
+    )
+    assert best == front.frame["frequency_hz"][0]
+    assert (errors, tasks) == ([""], [0, 0])

@@ -210,6 +210,26 @@ def test_without_the_compiler(command: str, tmp_path: Path) -> None:
     assert run("check", "paper_1dof", folder=tmp_path, NUMBA_DISABLE_JIT="1").returncode == 0
 
 
+@pytest.mark.skipif(os.name == "nt", reason="a folder that is in use cannot go")
+def test_nothing_is_compiled_in_a_folder_that_is_gone(tmp_path: Path) -> None:
+    """It ended in a traceback of numba's, and `python -m armdesign` in one of its own."""
+    code = 'import os, sys\nos.mkdir("gone")\nos.chdir("gone")\nos.rmdir("../gone")\n'
+    code += "os.execv(sys.executable, sys.argv[1:])"
+    words = [*ARMDESIGN, "validate", "paper_1dof", "--points", "3", "--out", str(tmp_path / "o")]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        cwd=tmp_path,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "new"), "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert_one_line(
+        done.stderr,
+        "numba: cannot compile (No such file or directory); begin in a folder that is there",
+    )
+
+
 def test_pictures_have_a_folder_for_fonts_before_matplotlib_looks_for_one() -> None:
     """It was imported with them: without a home it said so in two lines of its own."""
     code = "import sys, armdesign.plots; print('matplotlib' in sys.modules)"

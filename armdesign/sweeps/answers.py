@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 EXACT = 2**53  # up to which floats have every whole number
 COLUMNS = ("machine", "payload", "seconds", "error")  # of the frame, beside changes and answers
+MOST_PATHS = 2_000  # a machine file has hundreds of numbers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -116,6 +117,39 @@ def paths_of(cases: Iterable[Case]) -> tuple[str, ...]:
 def names_of(outcomes: Iterable[Entry]) -> tuple[str, ...]:
     """Names of all answers that any case has."""
     return tuple(dict.fromkeys(name for one in outcomes for name in one.answer))
+
+
+def refuse_names(paths: Set[Any], options: Set[str], outputs: Set[str]) -> None:
+    """Raise for key paths that cannot be, and options and outputs with the name of a column."""
+    if len(paths) > MOST_PATHS:
+        fault = f"{len(paths)} key paths are not allowed"
+        raise ArmDesignError("changes", fault, f"change at most {MOST_PATHS} numbers")
+    remedy = 'give texts, such as "cylinder.boom.bore_mm"'
+    for path in paths:
+        if not isinstance(path, str):
+            raise ArmDesignError("changes", f"{path!r} is no key path", remedy)
+        if path in COLUMNS:
+            fault = "is a column of the frame and no number of a machine file"
+            raise ArmDesignError(f"changes.{path}", fault, remedy)
+    for name in options & {*COLUMNS, *paths}:
+        fault = "is the name of another column"
+        raise ArmDesignError(f"options.{name}", fault, "give it another name")
+    for name in outputs & {*COLUMNS, *paths, *options}:
+        fault = f"{name!r} is a column of the frame in any case, and no answer"
+        raise ArmDesignError("outputs", fault, "leave it out")
+
+
+def within_columns(outcome: Entry, others: Set[str]) -> Entry:
+    """An outcome as a frame has it: a failure where an answer has the name of another column.
+
+    The other cases decide that, so it is no outcome of the case itself, as a journal has it.
+    """
+    for name in outcome.answer:
+        if name in others:
+            fault, remedy = "is the name of another column", "give it another name"
+            words = str(ArmDesignError(f"answer {name}", fault, remedy))
+            return Entry(answer={}, seconds=outcome.seconds, error=words)
+    return outcome
 
 
 def writable(text: str) -> str:

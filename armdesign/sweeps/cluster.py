@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from armdesign.errors import ArmDesignError
 from armdesign.sweeps.cases import Case
@@ -52,14 +52,30 @@ def on_cluster(
         ArmDesignError: dask.distributed is missing, a task or its options cannot be sent, a worker
             cannot take them, or the scheduler cannot be reached or is gone.
     """
+    parcel = sent(study, cases, _dumps())
+    with _without_traces():
+        yield from _answers(parcel, cases, address, _Watch(address, died_at, say))
+
+
+def refuse_unreachable(address: str) -> None:
+    """Raise unless there is a scheduler at an address, before anything is changed for it.
+
+    Raises:
+        ArmDesignError: as of ``on_cluster``.
+    """
+    _dumps()
+    with _without_traces():
+        _client(address).close(timeout=PATIENCE)
+
+
+def _dumps() -> Callable[[Any], Any]:
+    """How dask writes down what travels."""
     try:
         from distributed.protocol.pickle import dumps
     except ImportError:
         remedy = 'pip install "armdesign[cluster]"'
         raise ArmDesignError("--scheduler", "needs dask.distributed", remedy) from None
-    parcel = sent(study, cases, dumps)
-    with _without_traces():
-        yield from _answers(parcel, cases, address, _Watch(address, died_at, say))
+    return cast(Callable[[Any], Any], dumps)
 
 
 def _answers(

@@ -13,6 +13,7 @@ import copyreg
 import hashlib
 import re
 import sys
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -195,9 +196,12 @@ class _Reached:
         own = {file_of(vars(m)) for m in modules if others and not installed(m)} - {""}
         texts = []
         for file in map(Path, self._files | own):
-            if file.stat().st_mtime > _BEGAN:
-                fault = f"reaches what only files tell, and {file.name} is newer than this run"
-                raise ArmDesignError(self.name, fault, "start Python anew")
+            if (date := file.stat().st_mtime) > _BEGAN:
+                ahead = date > time.time()
+                when = "dated in the future" if ahead else "newer than this run"
+                fault = f"reaches what only files tell, and {file.name} is {when}"
+                remedy = f"set its date (touch {file.name}), then " if ahead else ""
+                raise ArmDesignError(self.name, fault, f"{remedy}start Python anew")
             texts.append(hashlib.sha256(file.read_bytes()).hexdigest())
         return sorted(texts)
 

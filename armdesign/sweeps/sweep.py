@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import product
@@ -20,14 +20,20 @@ from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest, exact
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
+from armdesign.processes import may_begin
 from armdesign.progress import rounds
-from armdesign.sweeps.answers import COLUMNS, Sweep, names_of, paths_of
+from armdesign.sweeps.answers import (
+    COLUMNS,
+    Sweep,
+    names_of,
+    refuse_names,
+    within_columns,
+    writable,
+)
 from armdesign.sweeps.cases import Case, Changes, changes_of, plain, refuse_many
 from armdesign.sweeps.numbers import Numbers, names_of_changes
 from armdesign.sweeps.tasks import Task, identity_of, refuse_options
 from armdesign.sweeps.worker import Outcome, Study, answer, forget, prepare
-
-MOST_PATHS = 2_000  # a machine file has hundreds of numbers
 
 
 class Variants(TypedDict, total=False):
@@ -104,7 +110,7 @@ def sweep(
             has a copy; several sets of them are a case each.
         workspace: the poses of all cases; None: a joint grid of every changed machine.
         points: of that grid.
-        workers: processes; 1: this one.
+        workers: processes; 1: this one, which does all in a worker that may begin none.
         scheduler: address of a dask scheduler, as ``tcp://host:8786``, in place of ``workers``.
         journal: file in which every finished case stays; what is in it is not computed again.
             Without one a command or study that keeps what is finished keeps the cases, too.
@@ -138,7 +144,8 @@ def sweep(
         refuse_options(task, one)
     ours = isinstance(task, str)
     shared, *sets = (plain(one, "options", arrays=ours) for one in (shared, *sets))
-    _refuse_names({path for one in chosen for path in one}, {k for one in sets for k in one})
+    paths, names = ({name for one in each for name in one} for each in (chosen, sets))
+    refuse_names(paths, names, {*(more["outputs"] or ())})
     kept = more["journal"] is not None or is_keeping()
     identity = identity_of(task) if kept or ours else uuid4().hex
     machines = _machines(machine)
@@ -149,7 +156,8 @@ def sweep(
     refuse_many(len(study.machines) * len(more["payloads"] or [0]) * len(chosen) * len(sets))
     cases = list(_cases(study, chosen, more["payloads"], sets))
     run = _CaseRunner(
-        study=replace(study, columns=frozenset([*COLUMNS, *paths_of(cases)])),
+        study=study,
+        columns=frozenset({*COLUMNS, *map(writable, paths | names)}),
         workers=more["workers"],
         scheduler=more["scheduler"],
         say=more["say"] or (lambda _: None),
@@ -157,6 +165,8 @@ def sweep(
     )
     if more["journal"] is None:
         return run.answers(cases, None)
+    if more["new"]:
+        run.refuse_unreachable()
     files = files_of(study.machines.values())
     with Journal(Path(more["journal"]), files, study.version, more["new"]) as journal:
         return run.answers(cases, journal)
@@ -167,6 +177,7 @@ class _CaseRunner:
     """Means by which cases get their answers."""
 
     study: Study
+    columns: frozenset[str]  # of the frame, beside answers
     workers: int
     scheduler: str | None
     say: Callable[[str], None]
@@ -174,6 +185,13 @@ class _CaseRunner:
     retried: list[str] = field(default_factory=list)
     computed: set[str] = field(default_factory=set)
     answered: set[str] = field(default_factory=set)  # machines that have an answer
+
+    def refuse_unreachable(self) -> None:
+        """Raise for a scheduler that is not there, before a journal is set aside."""
+        if self.scheduler is not None:
+            from armdesign.sweeps.cluster import refuse_unreachable
+
+            refuse_unreachable(self.scheduler)
 
     def answers(self, cases: Sequence[Case], journal: Journal | None) -> Sweep:
         """The cases with the answers that a journal has, and those that are computed.
@@ -229,9 +247,8 @@ class _CaseRunner:
 
     def _beside(self, journal: Journal, cases: Sequence[Case], known: dict[str, Entry]) -> None:
         """Fill in the answers that the sweep's own journal has, and those that are computed."""
-        columns = self.study.columns  # a journal may have answers of a sweep with other ones
-        entries = {k: e for k, e in journal.entries().items() if not columns & e.answer.keys()}
-        known |= {case.key: entries[case.key] for case in cases if case.key in entries}
+        entries = journal.entries()
+        known |= {c.key: self._in_frame(entries[c.key]) for c in cases if c.key in entries}
         for case, outcome in self._told([c for c in cases if c.key not in known], known):
             if outcome.final:
                 journal.keep(case.key, case.name, outcome)
@@ -245,7 +262,7 @@ class _CaseRunner:
                 yield numbers[case.key], outcome
 
         def read(k: int, answer: Mapping[str, Any]) -> Entry:
-            return known.setdefault(cases[k].key, Entry(**answer))
+            return known.setdefault(cases[k].key, self._in_frame(Entry(**answer)))
 
         form = Form(write=_written, read=read)
         all_finished("case", len(cases), lambda k: cases[k].key, compute, form)
@@ -258,9 +275,9 @@ class _CaseRunner:
         with rounds("case", count, before=len(known)) as finished:
             for case, outcome in self._outcomes(cases):
                 yield case, outcome
-                known[case.key] = outcome
+                known[case.key] = self._in_frame(outcome)
                 self.computed.add(case.key)
-                if outcome.answer and case.machine not in self.answered:
+                if known[case.key].answer and case.machine not in self.answered:
                     self.answered.add(case.machine)
                     self._refuse_misspelt_outputs(known.values())
                 self.say(f"{len(known)} of {count} cases")
@@ -274,7 +291,7 @@ class _CaseRunner:
             from armdesign.sweeps.cluster import on_cluster
 
             yield from on_cluster(self.study, cases, self.scheduler, self._died, self.say)
-        elif self.workers > 1:
+        elif self.workers > 1 and may_begin():
             from armdesign.sweeps.processes import on_processes
 
             yield from on_processes(self.study, cases, self.workers, self._died)
@@ -284,6 +301,9 @@ class _CaseRunner:
                 yield from ((case, answer(self.study.name, case)) for case in cases)
             finally:
                 forget(self.study.name)
+
+    def _in_frame(self, entry: Entry) -> Entry:
+        return within_columns(entry, self.columns)
 
     def _died(self, case: Case) -> None:
         self.retried.append(case.name)
@@ -351,23 +371,6 @@ def files_of(machines: Iterable[Machine]) -> dict[str, str]:
         if machine.section.urdf:
             files[f"{machine.name}: {machine.section.urdf}"] = digest(machine.urdf_text)
     return files
-
-
-def _refuse_names(paths: Set[Any], options: Set[str]) -> None:
-    """Raise for key paths that cannot be, and options that would be two columns of a name."""
-    if len(paths) > MOST_PATHS:
-        fault = f"{len(paths)} key paths are not allowed"
-        raise ArmDesignError("changes", fault, f"change at most {MOST_PATHS} numbers")
-    remedy = 'give texts, such as "cylinder.boom.bore_mm"'
-    for path in paths:
-        if not isinstance(path, str):
-            raise ArmDesignError("changes", f"{path!r} is no key path", remedy)
-        if path in COLUMNS:
-            fault = "is a column of the frame and no number of a machine file"
-            raise ArmDesignError(f"changes.{path}", fault, remedy)
-    for name in options & {*COLUMNS, *paths}:
-        fault = "is the name of another column"
-        raise ArmDesignError(f"options.{name}", fault, "give it another name")
 
 
 def _unwritten(**given: Mapping[str, Any]) -> ArmDesignError:

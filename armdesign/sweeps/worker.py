@@ -20,7 +20,7 @@ from armdesign.journal.journal import Entry
 from armdesign.machine.changes import changed_machine
 from armdesign.machine.machine import Machine
 from armdesign.processes import belong_to
-from armdesign.sweeps.answers import COLUMNS, writable
+from armdesign.sweeps.answers import writable
 from armdesign.sweeps.cases import Case
 from armdesign.sweeps.sending import Sent, received, words_of
 from armdesign.sweeps.tasks import Task, task_named
@@ -46,7 +46,6 @@ class Study:
         options: of the task, in all cases.
         workspace: the poses; None: a joint grid of every changed machine.
         points: of that grid.
-        columns: names that no answer may have: a frame's other columns.
         name: by which workers know it; of its run alone.
     """
 
@@ -57,7 +56,6 @@ class Study:
     options: Mapping[str, Any]
     workspace: Workspace | None
     points: Any
-    columns: frozenset[str] = frozenset(COLUMNS)
     name: str = field(default_factory=lambda: uuid4().hex)
 
 
@@ -147,12 +145,7 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
     task = task_named(study.task) if isinstance(study.task, str) else study.task
     # a copy for each case, as other processes have one, in an order that the key knows
     options = deepcopy(dict(sorted({**study.options, **case.options}.items())))
-    plain = _plain(task(machine, workspace, **options))
-    for name in plain:
-        if name in study.columns:
-            fault = "is the name of another column"
-            raise ArmDesignError(f"answer {name}", fault, "give it another name")
-    return plain
+    return _plain(task(machine, workspace, **options))
 
 
 def _plain(answer: Any) -> dict[str, Any]:

@@ -93,7 +93,7 @@ def test_the_worst_pose_is_that_of_differential_evolution() -> None:
     """34 000 evaluations on a fine grid find 0.377 Hz where the map has its worst, 4 % below.
 
     A bandwidth leaps where a resonance touches −3 dB: the last digits of the poses decide on which
-    side the map's own search ends (0.363 or 0.366 Hz), and on a grid with gaps there, evolution
+    side the map's own search ends (0.363 to 0.372 Hz), and on a grid with gaps there, evolution
     finds what those hide.
     """
     machine = ad.load("excavator_20t")

@@ -21,6 +21,7 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
+from armdesign.sweeps import cluster
 from armdesign.sweeps.cluster import _client, _is_taken
 from armdesign.sweeps.sweep import sweep
 from armdesign.sweeps.worker import Study
@@ -120,6 +121,21 @@ def test_a_server_that_does_not_greet_is_no_scheduler(kind: str) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "x"])
+def test_a_journal_is_not_set_aside_for_a_scheduler_that_is_not_there(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "PATIENCE", 1.0)
+    how: dict[str, Any] = {"points": 2, "journal": tmp_path / "j.sqlite"}
+    ad.sweep("paper_1dof", MODULI, **how)
+    before = (tmp_path / "j.sqlite").read_bytes()
+    with pytest.raises(ad.ArmDesignError, match=f"--scheduler: {address} cannot be reached"):
+        ad.sweep("paper_1dof", MODULI, scheduler=address, new=True, **how)
+    assert [path.name for path in tmp_path.iterdir()] == ["j.sqlite"]
+    assert (tmp_path / "j.sqlite").read_bytes() == before
+    assert ad.sweep("paper_1dof", MODULI, **how).kept == 30
+
+
 def cancels(machine: ad.Machine, _: ad.Workspace, k: int) -> Mapping[str, Any]:
     """A task that is ended at two cases by what ends dask's workers or hangs its clients."""
     if k:
@@ -161,6 +177,23 @@ def test_a_scheduler_that_is_killed_is_gone(tmp_path: Path) -> None:
             with pytest.raises(ad.ArmDesignError, match=f"{address} is gone; start it"):
                 _is_taken(client, study.name, address)
         client.close(timeout=1)
+
+
+def sweeps_itself(machine: ad.Machine, _: ad.Workspace) -> Mapping[str, Any]:
+    """A task that asks for processes of its own."""
+    inner = ad.sweep(machine, {"fluid.bulk_modulus_MPa": [900.0, 1000.0]}, points=3, workers=2)
+    return {"sum": float(inner.answers["worst_hz"].sum())}
+
+
+def test_a_task_that_sweeps_needs_no_processes_of_a_worker_that_may_begin_none(
+    tmp_path: Path,
+) -> None:
+    """As one with a nanny, which is how dask begins several."""
+    with dask(tmp_path) as (address, worker, _):
+        worker("--nanny")
+        there = ad.sweep("paper_1dof", task=sweeps_itself, points=3, scheduler=address)
+    here = ad.sweep("paper_1dof", task=sweeps_itself, points=3)
+    assert there.answers["sum"].tolist() == here.answers["sum"].tolist()
 
 
 def test_two_sweeps_of_one_study_on_one_scheduler(tmp_path: Path) -> None:

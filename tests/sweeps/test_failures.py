@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import pickle
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -113,6 +115,91 @@ def test_an_error_of_the_function_is_its_answer(how: str, kept: int, tmp_path: P
     assert (first.kept, again.kept) == (0, kept)
     assert len(again.failures) == 1
     assert again.frame["error"].equals(first.frame["error"])
+
+
+def keeps(machine: ad.Machine, _: ad.Workspace, place: str, how: str) -> Mapping[str, Any]:
+    """A task of the user's that writes into a database of its own."""
+    absent = f"{place}/absent"
+    with contextlib.ExitStack() as stack:
+
+        def opened(name: str, more: str = "") -> sqlite3.Connection:
+            return stack.enter_context(
+                contextlib.closing(sqlite3.connect(f"file:{name}{more}", timeout=0, uri=True))
+            )
+
+        database = opened(absent if how == "absent" else place)
+        database.execute("CREATE TABLE IF NOT EXISTS t (x UNIQUE)")
+        if how == "full":
+            database.execute("PRAGMA max_page_count = 1")
+        if how == "busy":
+            opened(place).execute("BEGIN EXCLUSIVE")
+        if how == "protected":
+            database = opened(place, "?mode=ro")
+        row = ["x" * 10_000]
+        database.executemany("INSERT INTO t VALUES (?)", [row, row] if how == "twice" else [row])
+    return {"x": 1}
+
+
+@pytest.mark.parametrize(
+    ("how", "kept", "said"),
+    [
+        ("full", 0, "database or disk is full"),
+        ("busy", 0, "database is locked"),
+        ("protected", 0, "attempt to write a readonly database"),
+        ("absent", 0, "unable to open database file"),
+        ("twice", 1, "UNIQUE constraint failed: t.x"),
+    ],
+)
+def test_what_sqlite_says_of_the_surroundings_is_asked_again(
+    how: str, kept: int, said: str, tmp_path: Path
+) -> None:
+    more = {"options": {"place": str(tmp_path / "own"), "how": how}, "points": 2}
+    runs = [
+        ad.sweep("paper_1dof", task=keeps, journal=tmp_path / "j.sqlite", **more) for _ in "12"
+    ]
+    assert [run.kept for run in runs] == [0, kept]
+    assert all(run.frame["error"][0].endswith(said) for run in runs)
+
+
+WITHIN = """
+import os, resource, signal, sys
+import armdesign as ad
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+def sums(machine, workspace):
+    masses = {"payload.load.mass_kg": [float(mass) for mass in range(100, 130)]}
+    size = int(os.environ["MOST"])
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+    try:
+        return {"n": len(ad.sweep(machine, masses, points=3, journal="inner.sqlite").answers)}
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (resource.RLIM_INFINITY,))
+
+def answers(most):
+    os.environ["MOST"] = str(most)
+    return ad.sweep("paper_1dof", task=sums, points=3, journal="outer.sqlite")
+
+limited = answers(sys.argv[1]).failures.values()
+again = answers(resource.RLIM_INFINITY)
+print(*limited, again.kept, again.frame["n"][0])
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows limits no sizes of files")
+@pytest.mark.parametrize("size", [4096, pytest.param(40_000, marks=pytest.mark.slow)])
+def test_a_full_disk_of_a_sweep_within_a_task_is_asked_again(size: int, tmp_path: Path) -> None:
+    """That the inner journal could not be written stayed in the outer one."""
+    (tmp_path / "run.py").write_text(WITHIN)
+    done = subprocess.run(
+        [sys.executable, "run.py", str(size)],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith("inner.sqlite: cannot be written, the disk may be full;")
+    assert done.stdout.endswith(" run it again 0 30\n")
 
 
 def test_a_switched_off_compiler_is_asked_again(tmp_path: Path) -> None:

@@ -205,14 +205,25 @@ def test_every_run_of_python_finds_the_same(tmp_path: Path) -> None:
 HOLDER = "import threading\nLOCK = threading.Lock()\ndef f():\n    with LOCK: return 1\n"
 
 
+@pytest.mark.parametrize(
+    ("ahead", "said"),
+    [
+        (0, r"reached_h\.py is newer than this run; start Python anew"),
+        (
+            7200,
+            r"reached_h\.py is dated in the future; set its date \(touch reached_h\.py\), then",
+        ),
+    ],
+)
 def test_files_newer_than_the_run_do_not_stand_for_what_they_hold(
-    made: Made, tmp_path: Path
+    ahead: float, said: str, made: Made, tmp_path: Path
 ) -> None:
+    """One of the future was newer than any other run, too."""
     text = "import reached_h\ndef task(machine, workspace): return {'x': reached_h.f()}\n"
     task = made({"reached_h": HOLDER, "reached_task": text})
     assert identity_of_function(task)
-    os.utime(tmp_path / "reached_h.py", (time.time() + 1, time.time() + 1))
-    with pytest.raises(ad.ArmDesignError, match=r"h\.py is newer than this run; start"):
+    os.utime(tmp_path / "reached_h.py", 2 * (time.time() + ahead,))
+    with pytest.raises(ad.ArmDesignError, match=said):
         identity_of_function(task)
 
 

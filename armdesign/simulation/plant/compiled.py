@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import os
 import pickle
 import sys
 from collections.abc import Callable
@@ -166,6 +167,15 @@ def refuse_switched_off() -> None:
         raise error
 
 
+def _refuse_without_folder() -> None:
+    """Raise where the current folder is gone: numba names files from there as it compiles."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        fault = f"cannot compile ({error.strerror})"
+        raise ArmDesignError("numba", fault, "begin in a folder that is there") from None
+
+
 class _Inner(Compiler):
     """Compiles what only compiled functions call.
 
@@ -229,6 +239,7 @@ class _Kept(NullCache):
                         return cast(Any, CompileResult)._rebuild(context, *payload)
             except Exception:  # of any kind: whatever is wrong with a file, compiling mends it
                 continue
+        _refuse_without_folder()
         return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
