@@ -22,7 +22,7 @@ SAMPLES = 64  # of a joint's range, from which Newton's method starts
 STEPS = 4  # of Newton's method: from 1/63 of a range to rounding
 READ_OUT = 0.5e-3  # [m] of a measured length beyond the stroke that counts as on its end
 SLACK = 1e-6  # [°, mm] of a measured position beyond its range, by rounding
-INCLINOMETERS = ("inclin", "tilt_sensor", "_imu_")  # in names of columns
+INCLINOMETERS = ("incl", "tilt_sensor", "_imu_")  # in names of columns
 INCLINOMETER = (
     "an inclinometer on a moving machine feels acceleration as if it were tilt, on a measured"
     " crane nine times the true swing: take frequencies from pressures or rates, poses from"

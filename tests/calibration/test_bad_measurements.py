@@ -138,11 +138,11 @@ def test_comments_and_blank_lines_are_no_rows(tmp_path: Path) -> None:
 
 def test_an_inclinometer_is_warned_of_and_a_typing_error_told() -> None:
     machine = crane()
-    rows = measurements(machine, poses(2), lift_inclinometer_deg=3.0, lift_presure_bar=1.0)
+    tilts = dict.fromkeys(("lift_inclinometer_deg", "boom_incl_deg"), 3.0)
+    rows = measurements(machine, poses(2), **tilts, lift_presure_bar=1.0)
     words = " ".join(measured_of(rows.to_dict("records"), machine).warnings)
-    assert (
-        '"lift_inclinometer_deg" is not used: an inclinometer on a moving machine feels' in words
-    )
+    for name in tilts:
+        assert f'"{name}" is not used: an inclinometer on a moving machine feels' in words
     assert '"lift_presure_bar" is not used' in words
     calibration = ad.calibrate(machine, rows, [BETA])
     assert any("inclinometer" in line for line in calibration.findings)
