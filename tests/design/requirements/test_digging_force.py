@@ -27,6 +27,15 @@ def test_digging_force_by_the_independent_reference() -> None:
     )
 
 
+def test_a_relief_below_the_supply_digs_with_its_own_pressure() -> None:
+    """The stick's at 200 of 350 bar; where cylinders dig best no pressure counts."""
+    machine = MACHINES["excavator"]()
+    before = digging_forces(machine)
+    after = digging_forces(machine.replace({"cylinder.stick.valve.relief_bar": 200.0}))
+    expected = before | {"stick": before["stick"] * 200 / 350}
+    assert after == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize("reverse", [False, True])
 def test_each_of_two_cylinders_on_one_joint_has_its_force(reverse: bool) -> None:
     """About one joint forces are as torques, p A r; the order of the file does not matter."""
