@@ -16,12 +16,13 @@ from armdesign.design.requirements.stated import (
     Stated,
     at_work,
     cylinders,
+    fault_of,
     number,
     numbers_by_cylinder,
     shares,
     stated,
 )
-from armdesign.errors import ArmDesignError
+from armdesign.machine.assembly_faults import NO_DIGGING
 from armdesign.machine.file.schema import DiggingSection, share_of
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
@@ -151,11 +152,9 @@ def digging_force(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     forces = digging_forces(new, reference) if limits else {}
     for name, limit in limits.items():
         if name not in forces:
-            raise ArmDesignError(
-                "requirements.digging_force",
-                f"the {name} cylinder turns no single joint between root and tool",
-                "leave it out",
-            )
+            path, section = f"digging_kN.{name}", reference.today.section.requirements
+            in_file, fault = name in section.digging_kN, NO_DIGGING.format(name)
+            raise fault_of(reference.today, path, in_file, fault, "leave it out")
         yield Evaluation(
             name=f"digging_force.{name}",
             words=f"digging force of the {name} cylinder",
