@@ -13,7 +13,7 @@ repeated: sizes that need less are sizes that reach more under the same limit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
@@ -31,6 +31,7 @@ from armdesign.design.catalogue.sizes import Sizes
 from armdesign.design.design import Design, Found, Outcome
 from armdesign.design.kept_designs import finished_design
 from armdesign.design.optimize import USUAL_SEARCH, SearchOptions
+from armdesign.design.program.constraints import evaluations_at
 from armdesign.design.program.problem import Problem
 from armdesign.design.provenance import call
 from armdesign.design.requirements.check import cylinder_mass
@@ -260,7 +261,7 @@ class LeastAmount:
                 search = require_feasible(search)
                 if _frequency(search) >= self.frequency:
                     return search, amount / WIDEST**2
-                raise self._out_of_reach(_frequency(search), marginal_prices(search))
+                raise self._out_of_reach(_frequency(search), _held_back_by(search))
             low, amount = amount, min(amount * GROWTH, WIDEST * self._today)
             # from a design that meets all requirements to one that does not, though it has more
             search = restore_feasibility(self._search(amount, search))
@@ -309,23 +310,40 @@ class LeastAmount:
         return float(getattr(search.problem.requirements, AMOUNTS[self.of]))
 
     def _out_of_reach(
-        self, reached: float, margins: Mapping[str, float] | None = None
+        self, reached: float, dearest: tuple[list[str], list[str]] = ([], [])
     ) -> InfeasibleError:
-        """The error that says what is reached, and which limits hold it back, if known."""
-        costs = {name: -gain for name, gain in (margins or {}).items() if gain > LEAST_PRICE}
-        dear = sorted(costs, key=lambda name: costs[name])[:NAMED]
-        dearest = f", {' and '.join(dear)} first," if dear else ""
+        """The error that says what is reached, and what holds it back: ``_held_back_by``."""
+        keys, words = dearest
+        first = f", {' and '.join(keys)} first," if keys else ""
+        besides = f"; no setting allows more of this: {', '.join(words)}" if words else ""
         allowed = f"the other requirements allow {reached:.4g} Hz"
         if self.problem.dynamics.corners.bands != Bands():
             allowed += " within the bands (--nominal or bands=ad.Bands(): at the file's values)"
         fault = f"{self.frequency:.4g} Hz is out of reach: {allowed}"
-        remedy = f"relax them{dearest} or ask for less"
+        remedy = f"relax them{first} or ask for less{besides}"
         return InfeasibleError(self.problem.machine.name, fault, remedy)
 
 
 def _frequency(search: Search) -> float:
     """Worst frequency of a search [Hz]; 0 where it misses a requirement."""
     return hertz(search.squared) if search.violation <= MISSED else 0.0
+
+
+def _held_back_by(search: Search) -> tuple[list[str], list[str]]:
+    """Settings of the dearest limits of a search, the dearest first; words of those without."""
+    costs = {name: -gain for name, gain in marginal_prices(search).items() if gain > LEAST_PRICE}
+    limits = {c.name: c for c in evaluations_at(search.problem, search.x, search.holding)}
+    keys: dict[str, None] = {}
+    words: dict[str, None] = {}
+    for name in sorted(costs, key=lambda name: costs[name])[:NAMED]:
+        kind, _, pin = name.partition(".")
+        if kind == "pin_box":
+            keys[f"requirements.pin_boxes_mm.{pin}"] = None
+        elif setting := limits[name].setting:
+            keys[f"requirements.{setting}"] = None
+        else:
+            words[limits[name].words] = None
+    return list(keys), list(words)
 
 
 def _between(low: float, high: float) -> float:

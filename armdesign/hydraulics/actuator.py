@@ -82,6 +82,10 @@ class Actuator(ABC):
             return math.inf
         return RELIEF_SHARE * supply.pressure if self.valve.relief is None else self.valve.relief
 
+    def available_pressure(self, supply: Supply) -> float:
+        """Largest pressure of a working chamber [Pa]: the supply's, or a lower relief's."""
+        return min(supply.pressure, self.relief(supply))
+
     def preload(self, return_pressure: float) -> float:
         """Pressure of the chamber without load behind a shut valve [Pa]."""
         own = None if self.valve is None else self.valve.preload
@@ -273,3 +277,8 @@ class Motor(Actuator):
 def areas_of(actuators: Iterable[Actuator]) -> Array:
     """Bore and annulus area of each actuator, all in parallel together (nc, 2) [m², m³/rad]."""
     return np.array([[one.bore_area, one.annulus_area] for one in actuators])
+
+
+def available_pressures(actuators: Iterable[Actuator], supply: Supply) -> Array:
+    """Largest pressure of a working chamber of each actuator (nc,) [Pa]."""
+    return np.array([one.available_pressure(supply) for one in actuators])

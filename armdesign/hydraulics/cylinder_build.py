@@ -77,11 +77,9 @@ def euler_load(inertia: Numbers, length: Numbers) -> Numbers:
     return math.pi**2 * STEEL_MODULUS * inertia / length**2
 
 
-def euler_safety(
-    bore: Numbers, rod: Numbers, open_length: Numbers, supply_pressure: float
-) -> Numbers:
-    """Euler buckling load of the rod, L pin to pin with the rod out, over the supply's thrust."""
-    thrust = supply_pressure * math.pi / 4 * bore**2
+def euler_safety(bore: Numbers, rod: Numbers, open_length: Numbers, pressure: float) -> Numbers:
+    """Euler buckling load of the rod, L pin to pin with the rod out, over a pressure's thrust."""
+    thrust = pressure * math.pi / 4 * bore**2
     return math.pi**2 * STEEL_MODULUS * second_moment(rod) / (open_length**2 * thrust)
 
 

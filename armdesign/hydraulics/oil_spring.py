@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from armdesign.arrays import Numbers
-from armdesign.hydraulics.fluid import Supply
 
 
 def oil_stiffness(
@@ -76,9 +75,13 @@ def preloaded_pressures(
 
 
 def holding_force(
-    bore_area: Numbers, annulus_area: Numbers, supply: Supply, pushes: Numbers
+    bore_area: Numbers,
+    annulus_area: Numbers,
+    pressure: Numbers,
+    return_pressure: float,
+    pushes: Numbers,
 ) -> Numbers:
-    """Largest static force [N] of supply against return pressure, pushing or pulling."""
-    push = supply.pressure * bore_area - supply.return_pressure * annulus_area
-    pull = supply.pressure * annulus_area - supply.return_pressure * bore_area
+    """Largest static force [N] of a pressure against the return's [Pa], pushing or pulling."""
+    push = pressure * bore_area - return_pressure * annulus_area
+    pull = pressure * annulus_area - return_pressure * bore_area
     return np.where(pushes, push, pull)

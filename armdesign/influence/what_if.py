@@ -351,7 +351,7 @@ def _all_quantities(
         values[f"{actuator.name}.static_pressure"] = (float(pressure), "Pa")
     for cylinder in machine.cylinders:
         sizes = cylinder.bore, cylinder.rod, cylinder.open_length
-        safety = float(euler_safety(*sizes, machine.supply.pressure))
+        safety = float(euler_safety(*sizes, cylinder.available_pressure(machine.supply)))
         values[f"{cylinder.name}.buckling_safety"] = (safety, "")
     own = lift_chart_if_any(machine, chart) if chart else None
     if own is not None:

@@ -62,7 +62,7 @@ class StaticLoad:
     cylinder: int  # index of the actuator
     payload: str  # name of the load case
     pressure: float  # of the loaded chamber [Pa]
-    share: float  # static force over what supply against return pressure holds; inf if nothing
+    share: float  # static force over what its available pressure holds; inf if nothing
     cap: bool  # whether the cap side holds
     largest: tuple[float, float]  # largest pressures of cap and annulus over all poses [Pa]
 
@@ -190,7 +190,8 @@ class Inspection:
 
     def _load(self, i: int, payload: str, forces: Array) -> StaticLoad:
         actuator, supply = self.machine.actuators[i], self.machine.supply
-        held = holding_force(actuator.bore_area, actuator.annulus_area, supply, forces >= 0)
+        pressures = actuator.available_pressure(supply), supply.return_pressure
+        held = holding_force(actuator.bore_area, actuator.annulus_area, *pressures, forces >= 0)
         share = np.divide(
             np.abs(forces), held, out=np.where(forces == 0, 0.0, np.inf), where=held > 0
         )

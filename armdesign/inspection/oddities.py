@@ -50,6 +50,7 @@ def oddities(inspection: Inspection, units: Units) -> list[Finding]:
     odd: list[Oddity] = []
     for i in range(len(machine.cylinders)):
         odd += [*_of_cylinder(inspection, i, units), *_of_pins(machine, i)]
+    odd += _of_reliefs(machine, units)
     for j in range(len(machine.joints)):
         odd += _of_joint(inspection, j, units)
     for case in machine.payloads:
@@ -84,9 +85,11 @@ def _of_cylinder(inspection: Inspection, i: int, units: Units) -> Iterator[Oddit
             below = f"(below {100 * SMALL_MOMENT_ARM:.0f} %): close to a dead centre"
             yield part, f"its moment arm falls to {share} {below}"
     bore, rod, length = cylinder.bore, cylinder.rod, cylinder.open_length
-    safety = euler_safety(bore, rod, length, machine.supply.pressure)
+    pressure = cylinder.available_pressure(machine.supply)
+    safety = euler_safety(bore, rod, length, pressure)
     if safety < RODS_SAFETY:
-        share = f"{100 * safety:.0f} % of the thrust at supply pressure (Euler, pin to pin)"
+        at = "supply" if pressure == machine.supply.pressure else "its relief's"
+        share = f"{100 * safety:.0f} % of the thrust at {at} pressure (Euler, pin to pin)"
         yield f"{part}.rod_mm", f"fully out the rod buckles at {share}"
     sides = {"cap": cylinder.cap_dead_volume, "annulus": cylinder.annulus_dead_volume}
     for side in [side for side, volume in sides.items() if volume == 0][:1]:
@@ -108,6 +111,18 @@ def _of_pins(machine: Machine, i: int) -> Iterator[Oddity]:
         words = "designs and tolerances move pins along x and z of their link; those on"
         out = f"{', '.join(turned)} leave the plane in which the cylinder turns its joint"
         yield f"cylinder.{machine.cylinders[i].name}", f"{words} {out}"
+
+
+def _of_reliefs(machine: Machine, units: Units) -> Iterator[Oddity]:
+    """Port reliefs below the supply's pressure, which no chamber then reaches."""
+    supply = machine.supply
+    for actuator in machine.actuators:
+        pressure = actuator.available_pressure(supply)
+        if pressure < supply.pressure:
+            opens = f"opens at {units.text(pressure, 'Pa')}, below the supply's"
+            counts = "what it lifts, holds and pushes with counts at the relief's pressure"
+            words = f"{opens} {units.text(supply.pressure, 'Pa')}: {counts}"
+            yield f"{actuator.kind}.{actuator.name}.valve.relief_bar", words
 
 
 def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
@@ -178,9 +193,13 @@ def _of_pressure(inspection: Inspection, load: StaticLoad, units: Units) -> Iter
     limit = share_of(machine.section.requirements.holding_share, actuator.name)
     chamber, pressure = actuator.chambers[not load.cap], units.text(load.pressure, "Pa")
     needs = f"under {load.payload} its {chamber} needs {pressure} to stand still"
+    relieved = actuator.available_pressure(machine.supply) < machine.supply.pressure
+    if relieved and load.share > 1:  # told of its relief
+        return
     words = f"more than the supply's {units.text(machine.supply.pressure, 'Pa')} can hold"
     if load.share <= 1:
-        share = f"{100 * load.share:.0f} % of what supply pressure holds"
+        whose = "its relief" if relieved else "supply pressure"
+        share = f"{100 * load.share:.0f} % of what {whose} holds"
         words = f"{share} (requirement: {100 * limit:.0f} %)"
     if load.share > min(1, limit):
         yield f"{actuator.kind}.{actuator.name}", f"{needs}, {words}"

@@ -28,11 +28,13 @@ from armdesign.units import deg, mm
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
+NO_DIGGING = "the {} cylinder has no digging force: it turns no single joint between root and tool"
+
 
 def assembly_faults(machine: Machine) -> Iterator[MachineFileError]:
-    """Every fault of the drives; where there is none, every fault of the joint ranges."""
+    """Every fault of the drives; where there is none, of the joint ranges, and of digging."""
     faults = list(_of_drives(machine))
-    yield from faults or _of_ranges(machine)
+    yield from faults or [*_of_ranges(machine), *_of_digging(machine)]
 
 
 def _of_drives(machine: Machine) -> Iterator[MachineFileError]:
@@ -113,6 +115,21 @@ def _of_ranges(machine: Machine) -> Iterator[MachineFileError]:
     if is_singular(arms)[0]:
         fault = "cylinders and motors leave a direction of motion free"
         yield MachineFileError(f"{source}: cylinder", fault, "check the pins")
+
+
+def _of_digging(machine: Machine) -> Iterator[MachineFileError]:
+    """Digging forces asked of cylinders that have none."""
+    arm, requirements = machine.arm, machine.section.requirements
+    asked = [(f"digging_kN.{name}", name) for name in requirements.digging_kN]
+    if requirements.digging:
+        asked += [("digging.cylinders", name) for name in requirements.digging.cylinders]
+    turning = [(j,) for j in arm.chain(machine.tool.link) if arm.coordinates[j].revolute]
+    pairs = zip(machine.cylinders, machine.linkages, strict=True)
+    without = {cylinder.name for cylinder, linkage in pairs if linkage.joints not in turning}
+    for key, name in asked:
+        if name in without:
+            part = f"{machine.source.name}: requirements.{key}"
+            yield MachineFileError(part, NO_DIGGING.format(name), "leave it out")
 
 
 def _with_cause(

@@ -1,7 +1,8 @@
 """Lifting: the mass at a point of a link that each actuator raises or holds.
 
-One actuator raises, all others hold. Each has the supply's pressure against the return's, a share
-of which counts (ISO 10567: 87 %); beside the mass it carries links, cylinders and four-bars. So
+One actuator raises, all others hold. Each has the supply's pressure, or its port relief's where
+that is lower, against the return's. A share of it counts (ISO 10567: 87 %); beside the mass it
+carries links, cylinders and four-bars. So
 
     mass = (share × holding force − force of the arm's own weight) / force per kilogram,
 
@@ -15,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.hydraulics.actuator import areas_of
+from armdesign.hydraulics.actuator import areas_of, available_pressures
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.machine.load_case import NO_LOAD
 from armdesign.machine.machine import Machine
@@ -30,20 +31,22 @@ LEAST_FORCE = 1e-12  # [N/kg] below which a mass does not load an actuator
 def liftable(
     machine: Machine, forces: Array, per_mass: Array, areas: Array, share: Array | float
 ) -> Array:
-    """Mass [kg] at which each actuator (…, nc) uses up a share of what the supply gives.
+    """Mass [kg] at which each actuator (…, nc) uses up a share of what its pressure gives.
 
     Infinite for an actuator that the mass does not load, negative where its own arm is too heavy.
     Complex-safe.
 
     Args:
-        machine: supply.
+        machine: supply, and reliefs.
         forces: without the mass [N], pushing positive.
         per_mass: what a kilogram adds [N/kg].
         areas: bore and annulus (…, nc, 2) [m²].
-        share: of the supply's force, for all or for each (nc,).
+        share: of its force, for all or for each (nc,).
     """
     pushes = per_mass.real > 0
-    held = holding_force(areas[..., 0], areas[..., 1], machine.supply, pushes)
+    pressure = available_pressures(machine.actuators, machine.supply)
+    back = machine.supply.return_pressure
+    held = holding_force(areas[..., 0], areas[..., 1], pressure, back, pushes)
     loads = np.abs(per_mass.real) > LEAST_FORCE
     used = np.where(pushes, 1.0, -1.0)
     return np.where(

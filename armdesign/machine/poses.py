@@ -23,11 +23,12 @@ from numpy.typing import ArrayLike
 
 from armdesign.arrays import Array, Flags, ReadOnly, product, read_only, side_by_side
 from armdesign.errors import PoseError, TopplingError
+from armdesign.machine.toppling import actuator_too_soft, spring_too_soft
 from armdesign.mechanism.joint_ranges import DEAD_CENTRE
 from armdesign.mechanism.linkage.base import Linkage
-from armdesign.mechanism.spring import least_stiffness_factors
+from armdesign.mechanism.spring import least_actuator_factors, least_stiffness_factors
 from armdesign.short_repr import short_repr
-from armdesign.units import WORKSHOP, Units, deg, mm, outward
+from armdesign.units import WORKSHOP, Units, deg, mm
 
 if TYPE_CHECKING:
     from armdesign.hydraulics.actuator import Cylinder
@@ -232,7 +233,6 @@ def own_joints(moment_arms: Array) -> Array | None:
     return np.asarray(used.argmax(axis=1)) if alone else None
 
 
-ALONE = 3.0  # times the factor of all springs together: one spring that is named alone
 DEAD_CENTRE_STEPS = np.geomspace(0.001, 0.25, 9)  # of a joint's range, beside a dead centre
 STROKE_TOLERANCE = 1e-6  # [m] a pose this far beyond an end stop still counts as on it
 
@@ -316,6 +316,7 @@ def _singular(machine: Machine, q: Array, arms: Array) -> PoseError:
 def refuse_toppling(machine: Machine, poses: Poses) -> None:
     """Raise for the pose that asks most of a spring, where springs are too soft for gravity.
 
+    Named is what lacks least there: a spring, or an actuator beside which springs would be enough.
     Poses at which joints on their oil are unstable, whatever the springs, are left to their
     frequency of zero.
 
@@ -331,30 +332,20 @@ def refuse_toppling(machine: Machine, poses: Poses) -> None:
         least = factors.min(axis=1)
         worst = int(np.where(np.isinf(least), 0.0, least).argmax())
         if 1 <= least[worst] < np.inf:
-            raise _too_soft(machine, poses.q[worst], factors[worst]) from None
+            raise _toppling(machine, poses, worst, factors[worst]) from None
 
 
-def _too_soft(machine: Machine, q: Array, factors: Array) -> TopplingError:
-    """A pose that topples, and how stiff one spring must be, or all, by ``factors`` (ns + 1,)."""
-    alone = int(factors[:-1].argmin())  # all together need less, but one is easier to stiffen
-    chosen = alone if factors[alone] <= ALONE * factors[-1] else len(factors) - 1
-    factor = outward(float(factors[chosen]), 4, up=True)
-    spring = machine.springs[min(chosen, len(machine.springs) - 1)]
-    path = f"spring.{spring.name}.{spring.stiffness_key}"
-    stated = float(getattr(machine.section.spring[spring.name], spring.stiffness_key))
-    at_end = math.isclose(spring.stiffness, stated, rel_tol=1e-9)
-    share = "" if at_end else f" ({spring.stiffness / stated:.3g} of it, within the bands)"
-    least = f"{outward(factor * stated, 4, up=True):g} {spring.stiffness_unit}"
-    remedy = f"give more than {least}"
-    if chosen == len(machine.springs):
-        names = ", ".join(spring.name for spring in machine.springs)
-        remedy = f"multiply the stiffness of all springs ({names}) by more than {factor:g}"
-    fault = (
-        f"{stated:g} {spring.stiffness_unit}{share} does not hold the machine upright at"
-        f" {pose_text(machine, q)}, payload {machine.payload.name}: gravity overcomes it"
+def _toppling(machine: Machine, poses: Poses, row: int, factors: Array) -> TopplingError:
+    """A pose that topples: the spring that is too soft, or an actuator that lacks less."""
+    where = f"{pose_text(machine, poses.q[row])}, payload {machine.payload.name}"
+    stiffness = poses.oil_stiffness[row]
+    of_actuators = least_actuator_factors(
+        poses.stiffness_matrix[row], stiffness, poses.moment_arms[row]
     )
-    place = f"{machine.source.name}: {path}"
-    error = TopplingError(place, fault, remedy, machine.line_of(path))
+    if of_actuators.min() < factors.min():
+        error = actuator_too_soft(machine, where, stiffness, of_actuators)
+    else:
+        error = spring_too_soft(machine, where, factors)
     error.factor = float(factors.min())
     return error
 

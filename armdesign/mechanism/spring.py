@@ -75,6 +75,25 @@ def least_stiffness_factors(stiffness_matrix: Array, springs: Array) -> Array:
     return np.stack(factors, axis=1)
 
 
+def least_actuator_factors(stiffness_matrix: Array, stiffness: Array, arms: Array) -> Array:
+    """Factors on each actuator's stiffness alone, above which K is positive definite (nc,).
+
+    One more term τ k r rᵀ makes det K vanish at 1 + τ k rᵀK⁻¹r = 0, where the only negative
+    eigenvalue turns positive. inf where there are several, or none that it reaches.
+
+    Args:
+        stiffness_matrix: K (k, k) at one pose.
+        stiffness: k of the actuators (nc,) [N/m, N m/rad].
+        arms: their moment arms r (nc, k) [m/rad].
+    """
+    eigenvalues, modes = np.linalg.eigh(stiffness_matrix)
+    factors = np.full(len(stiffness), np.inf)
+    if np.sum(eigenvalues <= 0) == 1:
+        reach = stiffness * ((arms @ modes) ** 2 / eigenvalues).sum(axis=1)
+        factors[reach < 0] = 1 - 1 / reach[reach < 0]
+    return factors
+
+
 def _least_factor(stiffness_matrix: Array, springs: Array) -> Array:
     """Factor on the κ of the last coordinates above which K is positive definite (n,).
 

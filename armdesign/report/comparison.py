@@ -237,7 +237,7 @@ def quantities(frequencies: FrequencyMap) -> dict[str, tuple[Any, str]]:
     for c in machine.cylinders:
         values[f"{c.name}.oil_cap"] = (c.bore_area * c.stroke, "m³")
         values[f"{c.name}.oil_annulus"] = (c.annulus_area * c.stroke, "m³")
-        values[f"{c.name}.thrust"] = (machine.supply.pressure * c.bore_area, "N")
+        values[f"{c.name}.thrust"] = (c.available_pressure(machine.supply) * c.bore_area, "N")
     for figure in figures(machine):
         for key, value in zip(figure.keys, figure.values or (None,), strict=False):
             values[f"{figure.part}.{key}"] = (value, figure.unit)

@@ -134,7 +134,7 @@ def _motors(inspection: Inspection, units: Units) -> Sheet:
         dead = (motor.cap_dead_volume, motor.annulus_dead_volume)
         sides = (units.text(volume, "m³") for volume in dead)
         most = (
-            units.text(motor.bore_area * machine.supply.pressure, "N m"),
+            units.text(motor.bore_area * motor.available_pressure(machine.supply), "N m"),
             units.text(speed, "rad/s"),
         )
         rows.append((motor.name, motor.joint, f"{motor.gear_ratio:g}", *sides, *most))
@@ -198,7 +198,7 @@ def _static_loads(inspection: Inspection, units: Units) -> Sheet:
         note=(
             "pressure of the loaded chamber behind a shut valve, with the other at return pressure"
             f" or the valve's preload_bar, as at the start of a simulation{but}; of capacity:"
-            " static force over the force of supply against return pressure"
+            " static force over the force of supply (or a lower relief) against return pressure"
         ),
     )
 

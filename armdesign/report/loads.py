@@ -68,7 +68,7 @@ def _cells(
         cells[cylinder.name] = (
             units.number(cylinder.bore_area * cylinder.stroke, "m³"),
             units.number(cylinder.annulus_area * cylinder.stroke, "m³"),
-            units.number(machine.supply.pressure * cylinder.bore_area, "N", 0),
+            units.number(cylinder.available_pressure(machine.supply) * cylinder.bore_area, "N", 0),
             *(units.number(float(pressure), "Pa") for pressure in pressures),
             units.number(forces[cylinder.name], "N") if digs else "–",
         )

@@ -121,10 +121,10 @@ def performance_sheet(machines: Mapping[str, Machine], units: Units = WORKSHOP) 
         rows=tuple(cells),
         words=("figure",),
         note=(
-            "pairs: extending, retracting; at supply pressure, and with all of the pump's flow for"
-            " one actuator; stroke times of whole strokes, also where joint limits leave less;"
-            " reach over the full strokes, heights over the root's origin; dump height: of the"
-            " tool straight below the last joint that turns it"
+            "pairs: extending, retracting; at supply pressure (or a lower relief's), and with all"
+            " of the pump's flow for one actuator; stroke times of whole strokes, also where joint"
+            " limits leave less; reach over the full strokes, heights over the root's origin; dump"
+            " height: of the tool straight below the last joint that turns it"
         ),
     )
 

@@ -29,7 +29,7 @@ from tests.machines import (
     named,
     rigid,
 )
-from tests.sprung import spring
+from tests.sprung import VALVE, spring
 
 
 @cache
@@ -42,6 +42,13 @@ def single() -> Machine:
 def double(reverse: bool = False) -> Machine:
     """Two joints, a cylinder each, in one order of the file or the other."""
     return build([BOOM, STICK], [FOLD, LIFT] if reverse else [LIFT, FOLD])
+
+
+@cache
+def relieved() -> Machine:
+    """Two joints, a cylinder each; the first's reliefs open at 180 of the supply's 300 bar."""
+    relief = VALVE.replace(" }", ", relief_bar = 180 }")
+    return build([BOOM, STICK], [replace(LIFT, extra=relief), FOLD])
 
 
 @cache
@@ -92,6 +99,7 @@ def sprung(extra: str = "") -> Machine:
 MACHINES = {
     "single": single,
     "double": double,
+    "relieved": relieved,
     "yielding": yielding,
     "twins": twins,
     "sprung": sprung,
@@ -102,6 +110,7 @@ MACHINES = {
 POINTS = {
     "single": (9,),
     "double": (5, 5),
+    "relieved": (5, 5),
     "yielding": (5, 5),
     "twins": (5, 5),
     "sprung": (5, 5),

@@ -5,6 +5,7 @@ allowed too.
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -346,8 +347,8 @@ def test_no_combination_is_enough() -> None:
 
 def test_out_of_reach() -> None:
     words = (
-        r"50 Hz is out of reach: the other requirements allow [\d.]+ Hz; relax them, .*thrust.*"
-        r" first, or ask"
+        r"50 Hz is out of reach: the other requirements allow [\d.]+ Hz; relax them, .*"
+        r"requirements\.thrust_share\..* first, or ask"
     )
     with pytest.raises(InfeasibleError, match=words):
         ad.least(double(), workspace_of("double"), frequency=50, vary=("areas",))
@@ -355,6 +356,30 @@ def test_out_of_reach() -> None:
     space, soft = workspace_of("double"), ad.Bands(structure=(0.0, 1.0))
     with pytest.raises(InfeasibleError, match=words):
         ad.least(double(), space, frequency=50, vary=("areas",), bands=soft)
+
+
+@pytest.mark.parametrize(
+    ("vary", "named", "besides"),
+    [
+        (("areas", "pins"), "pin_boxes_mm.lift.rod_end", ""),
+        (("pins",), "buckling_share.lift", "dead length of the lift cylinder"),
+    ],
+    ids=str,
+)
+def test_out_of_reach_says_keys_that_a_file_has(
+    vary: tuple[str, ...], named: str, besides: str
+) -> None:
+    """The file takes every key that is named; a limit without a key is said in words."""
+    machine = ad.load("paper_1dof")
+    with pytest.raises(InfeasibleError, match="500 Hz is out of reach") as refused:
+        ad.least(machine, ad.Workspace.grid(machine, 3), frequency=500, starts=1, vary=vary)
+    first, _, rest = refused.value.remedy.partition(" first, or ask for less")
+    keys = re.findall(r"requirements\.[\w.]+", first)
+    assert first == f"relax them, {' and '.join(keys)}"
+    assert f"requirements.{named}" in keys
+    for key in keys:
+        machine.replace({key: 1.2})
+    assert rest == (f"; no setting allows more of this: {besides}" if besides else "")
 
 
 @pytest.mark.parametrize(

@@ -43,14 +43,14 @@ def _elbows(reference: Reference, x: float, z: float) -> list[tuple[float, float
     return angles
 
 
-def _capacity(reference: Reference, q: np.ndarray) -> float:
+def _capacity(reference: Reference, q: np.ndarray, pressure: np.ndarray) -> float:
     """Least mass that a cylinder lifts at the bucket's pin, by forces without it and with 1 t."""
     for name, mass in (("none", 0), ("tonne", 1000)):
         table = {"mass_kg": mass, "link": "bucket", "at_mm": [0, 0, 0]}
         reference.cases[name] = read_payload(name, table)
     bare, loaded = (reference.forces(q[None], name)[0] for name in ("none", "tonne"))
     per_kg = (loaded - bare) / 1000
-    pressure, back = reference.supply_pressure, reference.return_pressure
+    back = reference.return_pressure
     push = pressure * reference.bore_areas - back * reference.annulus_areas
     pull = pressure * reference.annulus_areas - back * reference.bore_areas
     held = np.where(per_kg > 0, push, -pull)
@@ -65,12 +65,20 @@ CHARTS = {  # step, points: counted in the issue's trials on grids of 1.5 m from
 }
 
 
+@pytest.mark.parametrize("reliefs", [{}, {"boom": 130, "stick": 110}], ids=["supply", "reliefs"])
 @pytest.mark.parametrize("name", CHARTS)
-def test_chart_by_an_independent_planar_arm(name: str) -> None:
+def test_chart_by_an_independent_planar_arm(name: str, reliefs: dict[str, float]) -> None:
     """Places by the law of cosines within the reference's own joint ranges, capacities by its own
-    static forces; the bucket at the middle of its range.
+    static forces; the bucket at the middle of its range. A cylinder whose port relief opens below
+    the supply's pressure [bar] has no more than the relief's.
     """
     machine, reference = named(name), Reference.load(Path(named(name).source))
+    machine = machine.replace(
+        {f"cylinder.{c}.valve.relief_bar": float(bar) for c, bar in reliefs.items()}
+    )
+    pressure = np.array(
+        [1e5 * reliefs.get(c.name, reference.supply_pressure / 1e5) for c in machine.cylinders]
+    )
     step, count = CHARTS[name]
     chart = ad.lift_chart(machine)
     assert (chart.poses.step, len(chart.reach)) == (step, count)
@@ -81,7 +89,7 @@ def test_chart_by_an_independent_planar_arm(name: str) -> None:
             for boom, stick in _elbows(reference, i * step, k * step):
                 q = np.array([boom, stick, (low[2] + high[2]) / 2])
                 if np.all((q >= low) & (q <= high)):
-                    mass = _capacity(reference, q)
+                    mass = _capacity(reference, q, pressure)
                     expected[i, k] = max(mass, expected.get((i, k), 0.0))
     places = np.rint(np.column_stack([chart.reach, chart.height]) / step).astype(int)
     assert set(map(tuple, places)) == set(expected)

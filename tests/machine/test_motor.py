@@ -13,6 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.design.requirements.performance import performances
 from armdesign.frequency.modes import natural_modes
 from armdesign.inspection.inspection import inspect
 from armdesign.simulation.linearization import linearize
@@ -118,6 +119,16 @@ def test_the_shipped_motor_meets_the_data_sheet(slewing: ad.Machine) -> None:
     torque, speed = motor.bore_area * (268 - 5) * 1e5, 214.5 * litre / 60 / motor.bore_area
     assert 1.0 <= torque / 74e3 <= 1.06
     assert 1.0 <= speed / (11.30 * 2 * math.pi / 60) <= 1.06
+
+
+def test_a_relief_below_the_supply_limits_the_torque(slewing: ad.Machine) -> None:
+    """200 bar · 129 cm³ · 140/2π both ways, and a line of ``check`` that says so."""
+    relieved = slewing.replace({"motor.swing.valve.relief_bar": 200.0})
+    torque = performances(relieved)[3].largest
+    assert_allclose(torque, 200e5 * 129 * cm3 * 140 / (2 * math.pi), rtol=1e-12)
+    found = inspect(relieved, ad.Workspace.grid(relieved, 3)).findings()
+    (words,) = (f.words for f in found if f.part == "motor.swing.valve.relief_bar")
+    assert words.startswith("opens at 200 bar, below the supply's 350 bar: ")
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from armdesign.inspection.file_faults import faults
 from tests.checks import assert_same, difference
 from tests.commands import Refused
 from tests.energy import Energy
-from tests.machines import CylinderSpec, Joint, build, named
+from tests.machines import BOOM, LIFT, CylinderSpec, Joint, build, named
 from tests.sprung import off_middle, random_sprung, rocking, spring, two_masses, written
 
 SEEDS = range(8)
@@ -153,6 +154,42 @@ def test_a_spring_too_soft_for_gravity_is_refused_with_what_it_needs() -> None:
     machine.replace({path: 1.0005 * least}).at(q)
     with pytest.raises(ad.ArmDesignError, match="upright"):
         machine.replace({path: 0.999 * least}).at(q)
+
+
+def heeled(gear_ratio: float) -> ad.Machine:
+    """A boom on a slew, on a carriage that a spring holds at a heel of 5°."""
+    rock = Joint("rock", "root", mass=800, com=(0, 0, 0.3), limits=(-0.3, 0.3))
+    slew = Joint(
+        "slew", "rock", xyz=(0, 0, 0.5), axis=(0, 0, 1), kind="continuous",
+        mass=500, com=(0.5, 0, 0.5),
+    )  # fmt: skip
+    motor = (
+        f"[motor.turn]\njoint = 'slew'\ndisplacement_cm3 = 160\ngear_ratio = {gear_ratio!r}\n"
+        "trapped_volume_l = { a = 0.6, b = 0.6 }\n"
+    )
+    joints = [rock, slew, replace(BOOM, parent="slew")]
+    lift = replace(LIFT, base=("slew", LIFT.base[1]))
+    more = motor + spring("carriage", "rock", 1e5, "at_deg = 5")
+    return build(joints, [lift], order=["slew", "boom"], more=more)
+
+
+def test_an_actuator_too_soft_is_told_by_its_own_stiffness() -> None:
+    """A gear of 0.5 holds 1.2 GPa (160 cm³ · 0.5/2π)² 2/0.6 l = 648.5 N m/rad. The least is where
+    K without it, taken from a gear of 1, has a determinant of 0.
+    """
+    oil = 2 * 1.2e9 * (160e-6 / (2 * math.pi)) ** 2 / 0.6e-3  # of a gear of 1; by its square
+    q = [0.7, 0.1]
+    stiff = heeled(1.0).at(q).stiffness_matrix[0]
+    least = oil - np.linalg.det(stiff) / np.linalg.det(stiff[1:, 1:])
+    with pytest.raises(ad.ArmDesignError, match=r"upright at slew 40\.1°") as caught:
+        heeled(0.5).at(q)
+    error = caught.value
+    assert error.part.endswith(": motor.turn")
+    assert f"the {0.25 * oil:.4g} N m/rad of its trapped oil" in error.fault
+    assert float(error.remedy.split()[-5]) == pytest.approx(least, rel=1e-3)
+    heeled(1.001 * math.sqrt(least / oil)).at(q)
+    with pytest.raises(ad.ArmDesignError, match=r"motor\.turn"):
+        heeled(0.999 * math.sqrt(least / oil)).at(q)
 
 
 def test_a_spring_too_soft_within_the_bands_is_told_in_the_numbers_of_the_file() -> None:

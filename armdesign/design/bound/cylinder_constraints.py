@@ -75,7 +75,7 @@ class CylinderConstraints:
             [m³/rad].
         end_torque: least area × moment arm (2, 2: closed and open, sides) at the ends [m³/rad].
         loads: that it must hold, at the last angles of the shape.
-        supply, back: pressures of supply and return [Pa].
+        supply, back: available pressure and the return's [Pa].
         drawn: the drawing's grid of its lengths, beside areas of a catalogue; None: on no grid.
     """
 
@@ -409,7 +409,7 @@ def cylinder_constraints(
         torque=torque * (1 - PEAK) / more,
         end_torque=end_torque / more,
         loads=replace(loads, held=loads.held / more),
-        supply=machine.supply.pressure,
+        supply=cylinder.available_pressure(machine.supply),
         back=machine.supply.return_pressure,
         drawn=(
             DrawnLengths.of(problem, i, shape_of(problem, i, all_angles))

@@ -127,7 +127,8 @@ def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Arr
 
 def buckling_factor(problem: Problem, i: int) -> float:
     """The c in rod area ≥ L √(c A1) that keeps the required share of today's Euler safety."""
-    cylinder, pressure = problem.machine.cylinders[i], problem.machine.supply.pressure
+    cylinder = problem.machine.cylinders[i]
+    pressure = cylinder.available_pressure(problem.machine.supply)
     share = share_of(problem.requirements.buckling_share, cylinder.name)
     safety = euler_safety(cylinder.bore, cylinder.rod, cylinder.open_length, pressure)
     return rod_area_factor(cylinder.count, pressure, share * safety)

@@ -237,6 +237,12 @@ def peak(values: Array, curve: Array) -> tuple[Array, Array]:
     return values[k] - slope / bend * (values[1] - values[0]), middle - slope**2 / bend / 2
 
 
+def thrust(new: Candidate, i: int) -> Array:
+    """Available pressure × bore area of an actuator (b,) [N, N m]."""
+    pressure = new.machine.actuators[i].available_pressure(new.machine.supply)
+    return np.asarray(pressure * new.areas[:, i, 0])
+
+
 def diameters(new: Candidate, i: int) -> tuple[Array, Array]:
     """Bore and rod of one of the parallel cylinders (b,) [m]; there is a rod, if a thin one."""
     one = 4 / math.pi / new.machine.cylinders[i].count

@@ -51,6 +51,7 @@ class Holding:
 def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Evaluation]:
     """Static forces (b, k, nc) [N, + pushes] within a share of what the supply holds.
 
+    A port relief below the supply's pressure holds but its own.
     The share used is infinite where the supply holds nothing: pulling on a rod so thick that the
     return pressure on the bore outdoes the supply's on the annulus. The bound states it again for
     one cylinder alone: ``bound/cylinder_constraints.py``;
@@ -59,8 +60,11 @@ def holding(new: Candidate, reference: Reference, forces: Array) -> Iterator[Eva
     supply = new.machine.supply
     for i, actuator in enumerate(reference.today.actuators):
         share = share_of(reference.requirements.holding_share, actuator.name)
-        pushes = forces[0, :, i].real > 0
-        held = holding_force(new.areas[:, i, None, 0], new.areas[:, i, None, 1], supply, pushes)
+        pushes, areas = forces[0, :, i].real > 0, new.areas[:, i, None]
+        pressure = new.machine.actuators[i].available_pressure(supply)
+        held = holding_force(
+            areas[..., 0], areas[..., 1], pressure, supply.return_pressure, pushes
+        )
         used = forces[:, :, i] * np.where(pushes, 1.0, -1.0)
         holds, loaded = held.real > 0, used.real > 0
         ratio = np.where(holds, used / np.where(holds, held, 1.0), np.where(loaded, np.inf, 0.0))

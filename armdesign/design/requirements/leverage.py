@@ -10,18 +10,19 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Candidate, Reference, peak
+from armdesign.design.requirements.candidate import Candidate, Reference, peak, thrust
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import (
     Stated,
     at_work,
     cylinders,
+    fault_of,
     number,
     numbers_by_cylinder,
     shares,
     stated,
 )
-from armdesign.errors import ArmDesignError
+from armdesign.machine.assembly_faults import NO_DIGGING
 from armdesign.machine.file.schema import DiggingSection, share_of
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
@@ -71,7 +72,7 @@ def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     The bound states both again for one cylinder alone: ``bound/cylinder_constraints.py``;
     ``test_branching_against_dense_sampling`` ties them.
     """
-    requirements, pressure = reference.requirements, new.machine.supply.pressure
+    requirements = reference.requirements
     sweeps = zip(reference.today.cylinders, new.sweeps, reference.old.sweeps, strict=True)
     for i, (cylinder, now, before) in enumerate(sweeps):
         if now is None or before is None:
@@ -92,12 +93,12 @@ def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
         if name in requirements.digging and not stated_by_torque:
             samples = np.arange(arm.shape[1])
             largest, largest_today = (peak(samples, a)[1] for a in (arm, today[None]))
-            torque_today = pressure * float(reference.old.areas[0, i, 0] * largest_today[0])
+            torque_today = float(thrust(reference.old, i)[0] * largest_today[0])
             yield Evaluation(
                 name=f"digging.{name}",
                 words=f"digging torque of the {name} cylinder",
                 unit="N m",
-                value=pressure * new.areas[:, i, 0] * largest,
+                value=thrust(new, i) * largest,
                 limit=requirements.digging_share * torque_today,
                 at_least=True,
                 scale=torque_today,
@@ -151,11 +152,9 @@ def digging_force(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     forces = digging_forces(new, reference) if limits else {}
     for name, limit in limits.items():
         if name not in forces:
-            raise ArmDesignError(
-                "requirements.digging_force",
-                f"the {name} cylinder turns no single joint between root and tool",
-                "leave it out",
-            )
+            path, section = f"digging_kN.{name}", reference.today.section.requirements
+            in_file, fault = name in section.digging_kN, NO_DIGGING.format(name)
+            raise fault_of(reference.today, path, in_file, fault, "leave it out")
         yield Evaluation(
             name=f"digging_force.{name}",
             words=f"digging force of the {name} cylinder",
@@ -183,7 +182,7 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
         if swept is None or not arm.joints[joint].revolute:
             continue
         where, most = peak(over(ranges[joint], reference.samples), swept[1])
-        torque = new.machine.supply.pressure * new.areas[:, i, 0] * most
+        torque = thrust(new, i) * most
         known.setdefault(joint, []).append((cylinder.name, where, torque))
     for several in known.values():
         several.sort(key=lambda one: float(-one[2][0].real))

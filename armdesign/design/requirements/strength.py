@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Candidate, Reference, diameters
+from armdesign.design.requirements.candidate import Candidate, Reference, diameters, thrust
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import Stated, check_word, number, shares, stated
 from armdesign.hydraulics.cylinder_build import (
@@ -68,16 +68,16 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     ``program/constraints.py``, tied by
     ``test_relaxed_constraints_hold_wherever_the_true_ones_do``.
     """
-    requirements, pressure = reference.requirements, new.machine.supply.pressure
+    requirements = reference.requirements
     for i, cylinder in enumerate(reference.today.cylinders):
-        name, bore_area = cylinder.name, float(reference.old.areas[0, i, 0])
+        name, today = cylinder.name, float(thrust(reference.old, i)[0])
         yield Evaluation(
             name=f"thrust.{name}",
             words=f"thrust of the {name} cylinder",
             unit="N",
-            value=pressure * new.areas[:, i, 0],
-            limit=share_of(requirements.thrust_share, name) * pressure * bore_area,
-            scale=pressure * bore_area,
+            value=thrust(new, i),
+            limit=share_of(requirements.thrust_share, name) * today,
+            scale=today,
             setting=f"thrust_share.{name}",
         )
         yield Evaluation(
@@ -92,7 +92,7 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
             rounding_loss=ROUNDING_LENGTH / cylinder.stroke,
         )
         if (share := share_of(requirements.buckling_share, name)) > 0:
-            least = share * float(_buckling_safety(reference.old, i, pressure, "rod")[0])
+            least = share * float(_buckling_safety(reference.old, i, "rod")[0])
             words = f"Euler buckling safety of the {name} rod"
             yield _buckling(f"buckling_share.{name}", words, new, reference, i, "rod", least)
         if requirements.buckling_factor is not None:
@@ -116,13 +116,14 @@ def _buckling(
     The load of a rod grows with the square of its area: it needs L √(c A1), see
     ``rod_area_factor``; less in a stepped column, by the root of what the barrel adds to the load.
     """
-    pressure, today = new.machine.supply.pressure, float(reference.old.areas[0, i, 0])
-    safety = _buckling_safety(new, i, pressure, column)
+    cylinder, today = new.machine.cylinders[i], float(reference.old.areas[0, i, 0])
+    safety = _buckling_safety(new, i, column)
     rod_area = new.areas[:, i, 0] - new.areas[:, i, 1]
-    factor = rod_area_factor(new.machine.cylinders[i].count, pressure, least)
+    pressure = cylinder.available_pressure(new.machine.supply)
+    factor = rod_area_factor(cylinder.count, pressure, least)
     needed = (new.closed[:, i] + new.stroke[:, i]) * np.sqrt(factor * new.areas[:, i, 0])
     if column == "stepped":
-        needed = needed * np.sqrt(_buckling_safety(new, i, pressure, "rod") / safety)
+        needed = needed * np.sqrt(_buckling_safety(new, i, "rod") / safety)
     # below 1 the rod buckles under the thrust, as today's may already, of which a share is kept
     end = min(1.0, least) if least > 1 or setting == "buckling_factor" else 0.0
     return Evaluation(
@@ -141,19 +142,20 @@ def _buckling(
     )
 
 
-def _buckling_safety(new: Candidate, i: int, pressure: float, column: str) -> Array:
+def _buckling_safety(new: Candidate, i: int, column: str) -> Array:
     """Buckling load of an open cylinder over its thrust (b,).
 
     As a column of barrel and rod each is half of it: the dead length is shared by both ends.
     """
     bore, rod = diameters(new, i)
+    cylinder, supply = new.machine.cylinders[i], new.machine.supply
     length = new.closed[:, i] + new.stroke[:, i]
-    thrust = pressure * math.pi / 4 * bore**2
+    force = cylinder.available_pressure(supply) * math.pi / 4 * bore**2
     if column == "rod":
-        return np.asarray(euler_load(second_moment(rod), length) / thrust)
-    outer = barrel_outer(bore, new.machine.cylinders[i].barrel_wall, pressure)
+        return np.asarray(euler_load(second_moment(rod), length) / force)
+    outer = barrel_outer(bore, cylinder.barrel_wall, supply.pressure)
     barrel = second_moment(outer, bore)
-    return np.asarray(stepped_load(barrel, second_moment(rod), length / 2, length / 2) / thrust)
+    return np.asarray(stepped_load(barrel, second_moment(rod), length / 2, length / 2) / force)
 
 
 def rod_area_factor(cylinder_count: int, pressure: float, safety: float) -> float:

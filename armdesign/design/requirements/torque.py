@@ -1,8 +1,9 @@
 """Torque of every actuator about its joint, extending and retracting, over the joint's range.
 
-Supply pressure × bore area × |moment arm| extending, × annulus area retracting; the area of a
-motor is its displacement at the joint [m³/rad]. A joint that slides has a force in its place. An
-actuator across several joints has a torque about each, the others in the middle of their ranges.
+Available pressure (the supply's, or a lower relief's) × bore area × |moment arm| extending, ×
+annulus area retracting; the area of a motor is its displacement at the joint [m³/rad]. A joint
+that slides has a force in its place. An actuator across several joints has a torque about each,
+the others in the middle of their ranges.
 """
 
 from __future__ import annotations
@@ -50,13 +51,18 @@ class Leverage:
 
     def torque(self, new: Candidate) -> Array:
         """Torque (b, 2, k) [N m, N] extending and retracting."""
-        force = new.machine.supply.pressure * new.areas[:, self.actuator]
-        return np.asarray(force[:, :, None] * self.arm[:, None, :])
+        return np.asarray(self._force(new)[:, :, None] * self.arm[:, None, :])
 
     def largest(self, new: Candidate) -> Array:
         """Largest torque over the range (b, 2) [N m, N], by a parabola."""
-        force = new.machine.supply.pressure * new.areas[:, self.actuator]
-        return np.asarray(force * peak(np.arange(self.arm.shape[1]), self.arm)[1][:, None])
+        most = peak(np.arange(self.arm.shape[1]), self.arm)[1]
+        return np.asarray(self._force(new) * most[:, None])
+
+    def _force(self, new: Candidate) -> Array:
+        """Force (b, 2) [N] of cap and annulus, of a motor torque [N m]."""
+        actuator = new.machine.actuators[self.actuator]
+        pressure = actuator.available_pressure(new.machine.supply)
+        return np.asarray(pressure * new.areas[:, self.actuator])
 
 
 def leverages(new: Candidate, reference: Reference) -> Iterator[Leverage]:

@@ -85,7 +85,9 @@ def expected_slack(
         return [((needed + value * problem.vector.areas_today[i, 0]) / needed) ** 2 - 1]
     if kind == "holding":  # room over what the supply holds that way
         scale = machine.supply.pressure * problem.vector.areas_today[i, 0]
-        held = [float(holding_force(a1, a2, machine.supply, way)) for way in (True, False)]
+        valve, back = machine.cylinders[i].valve, machine.supply.return_pressure
+        most = min(machine.supply.pressure, (valve and valve.relief) or math.inf)
+        held = [float(holding_force(a1, a2, most, back, way)) for way in (True, False)]
         return [v * scale / way / r.holding_share for v in values.tolist() for way in held]
     if kind == "transmission":  # room by the angle's cosine
         poses = problem.vector.range_poses[i]

@@ -8,8 +8,8 @@ import pytest
 
 from armdesign.design.program.constraints import constraints_at
 from armdesign.design.requirements.check import check
-from tests.design.designs import problem_of
-from tests.design.requirements.shared import PRESSURE, by_name
+from tests.design.designs import MACHINES, problem_of
+from tests.design.requirements.shared import PRESSURE, by_name, judged
 
 
 def test_holding_by_the_static_forces_of_the_workspace() -> None:
@@ -31,6 +31,20 @@ def test_holding_by_the_static_forces_of_the_workspace() -> None:
         assert checks[f"holding.{c.name}"].value == pytest.approx(used, rel=1e-12)
         assert checks[f"holding.{c.name}"].slack == pytest.approx((0.5 - used) / 0.5, rel=1e-9)
     assert checks["holding.boom"].slack < 0  # 0.53 of what the supply holds
+
+
+def test_a_relief_below_the_supply_holds_its_own_pressure() -> None:
+    """The boom's relief at 190 of 350 bar: its static force over 190 bar × A1 − 5 bar × A2, as it
+    pushes everywhere; the stick's stays.
+    """
+    today = MACHINES["excavator"]()
+    machine = today.replace({"cylinder.boom.valve.relief_bar": 190.0})
+    boom = machine.cylinders[0]
+    before, after = (judged(m, m) for m in (today, machine))
+    full, relieved = (p * boom.bore_area - 5e5 * boom.annulus_area for p in (PRESSURE, 190e5))
+    used = before["holding.boom"].value * full / relieved
+    assert after["holding.boom"].value == pytest.approx(used, rel=1e-12)
+    assert after["holding.stick"].value == before["holding.stick"].value
 
 
 @pytest.mark.parametrize(("rod", "holds"), [(119.0, True), (119.2, False)])
