@@ -262,7 +262,7 @@ def _pressure_curves(ax: Axes, frequencies: FrequencyMap, share: Array) -> None:
 def silhouette(ax: Axes, machine: Machine, worst: WorstPose) -> None:
     """The machine at its worst pose, seen from the side, and the mark of its tool.
 
-    A machine that slewing turns so far out of the picture that its tool is seen elsewhere than at
+    A machine whose slew axis stands so far from the root's that its tool is seen elsewhere than at
     its reach is left out.
     """
     view = side_view(machine, worst.q)
