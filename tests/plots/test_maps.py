@@ -12,7 +12,7 @@ import armdesign as ad
 from armdesign import plots
 from armdesign.drawing.colours import ACTUATORS
 from tests.frequency.cached import mapped
-from tests.machines import BOOM, FOLD, LIFT, STICK, CylinderSpec, Joint, build
+from tests.machines import BOOM, FOLD, LIFT, STICK, CylinderSpec, Joint, build, named
 
 
 @pytest.mark.parametrize("name", ["excavator_20t", "crossing", "branched"])
@@ -21,6 +21,24 @@ def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
     x, y, values = plots.joint_plane(frequencies, frequencies.lowest)
     assert values.shape == (len(x), len(y))
     assert np.nanmin(values) == frequencies.frame["f1_hz"].min()
+
+
+@pytest.mark.parametrize("draw", ["joints", "holding", "bandwidth"])
+def test_cells_end_where_the_joints_do(draw: str) -> None:
+    """Two values of each joint are two cells of half its range, not of all of it."""
+    machine = named("loader_crane")
+    workspace = ad.Workspace.grid(machine, 2)
+    if draw == "bandwidth":
+        ax = plots.bandwidth_map(ad.bandwidth_map(machine, workspace))
+    else:
+        ax = plots.map_figure(ad.frequency_map(machine, workspace), draw).axes[0]
+    lower, upper = np.degrees(machine.range_within(workspace.end_margin)[:2]).T
+    corners = ax.collections[0].get_coordinates()
+    np.testing.assert_allclose(corners[0, 0], lower)
+    np.testing.assert_allclose(corners[1, 1], (lower + upper) / 2)
+    np.testing.assert_allclose(corners[2, 2], upper)
+    frame = np.array([ax.get_xlim(), ax.get_ylim()])
+    np.testing.assert_allclose(frame, np.column_stack([lower, upper]))
 
 
 @pytest.mark.parametrize("plane", ["joints", "reach"])
