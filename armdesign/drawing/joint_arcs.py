@@ -80,7 +80,7 @@ def in_picture(machine: Machine, plane: PicturePlane, j: int) -> bool:
     axis = plane.zero.axis[0, j]
     across = abs(float(axis @ plane.across))
     hinge = machine.arm.coordinates[j].revolute
-    return j not in machine.arm.slewing and (across >= VISIBLE) == hinge
+    return j not in machine.arm.slews and (across >= VISIBLE) == hinge
 
 
 def refuse_other_joints(machine: Machine, other: Machine) -> None:

@@ -28,7 +28,9 @@ from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import bar
 
 if TYPE_CHECKING:
+    from armdesign.machine.load_case import LoadCase
     from armdesign.machine.machine import Machine
+    from armdesign.mechanism.linkage.base import Pin
 
 EYE = 0.8  # of the bore: length of an eye with the end of barrel or rod that carries it
 STRAY = 0.02  # of the drawn size: how far outside its body a pin counts as out of place
@@ -242,13 +244,15 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
         bodies=drawn_bodies,
         placements=placements,
         pins=tuple(pins),
-        points=plane.project(np.stack(points, axis=1)) if points else np.zeros((len(z), 0, 2)),
+        points=_seen(plane, poses, _carriers(pins), np.stack(points, axis=1))
+        if points
+        else np.zeros((len(z), 0, 2)),
         cylinders=tuple(cylinders),
         bars=tuple(bars),
         lengths=np.stack(lengths, axis=1) if lengths else np.zeros((len(z), 0)),
         joints=tuple(joint.name for joint in arm.coordinates),
         coordinates=arm.with_springs(z),
-        pivots=plane.project(poses.translation),
+        pivots=_seen(plane, poses, [b.link for b in drawn_bodies[1:]], poses.translation),
         turning=np.array(
             [
                 joint.revolute and abs(float(axis @ plane.across)) > LYING
@@ -257,14 +261,28 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
         ),
         motors={motor.name: machine.joints.index(motor.joint) for motor in machine.motors},
         springs=len(machine.springs),
-        tool=plane.project(arm.point(poses, machine.tool.link, np.array(machine.tool.at))),
-        loads={
-            load.name: plane.project(arm.point(poses, str(load.link), np.array(load.at)))
-            for load in loads
-        },
+        tool=_place(plane, poses, machine.tool),
+        loads={load.name: _place(plane, poses, load) for load in loads},
         arcs=joint_arcs(machine, plane, drawn_bodies),
         ground=_ground(plane, drawn_bodies[0]),
     )
+
+
+def _place(plane: PicturePlane, poses: RigidPoses, point: Pin | LoadCase) -> Array:
+    """Place (n, 2) [m] of the tool or a load in the picture."""
+    link = str(point.link)
+    return plane.seen(poses, link, plane.arm.point(poses, link, np.array(point.at))[:, None])[:, 0]
+
+
+def _seen(plane: PicturePlane, poses: RigidPoses, links: list[str], points: Array) -> Array:
+    """Points (n, m, 3) in the picture (n, m, 2) [m], each seen beside the link that carries it."""
+    seen = {link: plane.seen(poses, link, points) for link in dict.fromkeys(links)}
+    return np.stack([seen[link][:, i] for i, link in enumerate(links)], axis=1)
+
+
+def _carriers(pins: list[PinPoint]) -> list[str]:
+    """Links beside which pins are seen: knees as the pin before them."""
+    return [str(pin.link or pins[i - 1].link) for i, pin in enumerate(pins)]
 
 
 LYING = 0.9  # least part across the picture of a hinge's axis that turns in it

@@ -101,7 +101,8 @@ class PictureJoints(ReadOnly):
     """Joints as a picture shows them at n poses: hinges turn bodies in it, slides shift them.
 
     A body is moved by its joint and all that carry it, as a rigid plate. Of joints that turn
-    bodies out of the picture only the part in it is seen; slewing is left out.
+    bodies out of the picture only the part in it is seen; slewing is left out, and what carries
+    the slew is seen as the arm is.
 
     Attributes:
         carriers: index of the body that carries each coordinate's (k).
@@ -122,12 +123,14 @@ def picture_joints(machine: Machine, q: Array) -> PictureJoints:
     plane = PicturePlane(machine.heading)
     poses = plane.poses(q)
     hinges = np.array([joint.revolute for joint in arm.coordinates])
-    turns = np.where(hinges, -poses.axis @ plane.across, 1.0)
-    turns[:, list(arm.slewing)] = 0.0
-    feet = plane.project(poses.translation)
+    axes = plane.axes_at(poses, machine.tool.link)
+    across = np.cross(axes[..., 1, :], axes[..., 0, :])[..., None]
+    turns = np.where(hinges, -(poses.axis @ across)[..., 0], 1.0)
+    turns[:, list(arm.slews.axes)] = 0.0
+    feet = plane.seen(poses, machine.tool.link, poses.translation)
     return PictureJoints(
         carriers=tuple(joint.parent + 1 for joint in arm.coordinates),
         hinges=tuple(hinges.tolist()),
-        places=np.where(hinges[:, None], feet, plane.project(poses.axis)),
+        places=np.where(hinges[:, None], feet, poses.axis @ np.swapaxes(axes, -1, -2)),
         turns=turns,
     )

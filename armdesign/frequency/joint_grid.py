@@ -66,6 +66,15 @@ def nearest(axis: Array, values: Array) -> Array:
     return np.clip(np.rint((values - axis[0]) / _step(axis)).astype(int), 0, len(axis) - 1)
 
 
+def cell_edges(axis: Array) -> Array:
+    """Edges of the cells about n values of an axis (n + 1,): halfway, and where the axis ends.
+
+    The cell of a value alone is one unit wide.
+    """
+    ends = (axis[0], axis[-1]) if len(axis) > 1 else (axis[0] - 0.5, axis[0] + 0.5)
+    return np.concatenate([ends[:1], (axis[1:] + axis[:-1]) / 2, ends[1:]])
+
+
 def _step(axis: Array) -> float:
     return float((axis[-1] - axis[0]) / max(len(axis) - 1, 1) or 1.0)
 

@@ -217,7 +217,9 @@ def acceptance_sheet(judged: Acceptance, units: Units) -> Sheet:
         rows=tuple(rows) or (("none differs", "", "", "", ""),),
         note=(
             f"{len(counted)} counted, {alike} of them alike in all machines; shares are of what"
-            " the drawing has; ±: standard error; static loads at the drawing's"
+            " the drawing has; least margin: over the limit, of pins within an outline over its"
+            " longer side, of clearances, dead lengths and ranges over the stroke; ±: standard"
+            " error; static loads at the drawing's"
             f" poses of largest load{exact}; all are in requirements.csv"
         ),
     )

@@ -114,7 +114,8 @@ class WhatIf:
         lift = names.str.startswith(LIFT)
         hertz = self.numbers["unit"] == "Hz"
         others = self.numbers[~lift & ~hertz]
-        moved = others[~self._unchanged(others) & others["before"].notna()]
+        counted = others.index.str.startswith(COUNTED)  # all that can limit, or shares mislead
+        moved = others[(~self._unchanged(others) & others["before"].notna()) | counted]
         unchanged = len(others) - len(moved)
         note = f"{unchanged} others do not change; all are in what_if.csv"
         sheets = [

@@ -21,7 +21,7 @@ from armdesign.plots.canvas import (
     title_of,
 )
 from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
-from armdesign.plots.maps import LOADS, drawn_joints, heatmap, joint_plane
+from armdesign.plots.maps import LOADS, drawn_joints, joint_cells, joint_plane
 
 if TYPE_CHECKING:
     from armdesign.control.bandwidth_map import BandwidthMap
@@ -71,15 +71,16 @@ def bandwidth_map(
     ax.set(xlabel=joint_label(first), ylabel=joint_label(second))
     low, high = limits.get("vmin", np.nanmin(least)), limits.get("vmax", np.nanmax(least))
     style = {"norm": "log", "vmin": max(low, 1e-3 * high), "vmax": high}
-    heatmap(ax, joint_values(first, x), joint_values(second, y), least, style, BANDWIDTH)
+    joint_cells(ax, joint_values(first, x), joint_values(second, y), least, style, BANDWIDTH)
     for row, colour, size, words in (  # rings that are both seen where the poses are one
         (worst, MARK, 15, "worst bandwidth"),
         (bandwidths.softest, COMPUTED, 9, "at the lowest frequency"),
     ):
         at = [float(joint_values(one, row[one.name])) for one in (first, second)]
         label = f"{words}: {row[f'{scheme}_hz']:.3g} Hz"
-        ax.plot(*at, "o", ms=size, mfc="none", mec="white", mew=4)
-        ax.plot(*at, "o", ms=size, mfc="none", mec=colour, mew=2, label=label)
+        ring: Style = {"ms": size, "mfc": "none", "clip_on": False}  # whole at the axes' edge, too
+        ax.plot(*at, "o", mec="white", mew=4, **ring)
+        ax.plot(*at, "o", mec=colour, mew=2, label=label, **ring)
     legend_below(ax, labelspacing=1.1)  # rings apart
     return ax
 

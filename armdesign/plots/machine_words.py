@@ -71,7 +71,7 @@ def joint_labels(machine: Machine, view: SideView) -> list[Label]:
         at = view.pivots[0, index] if joint.revolute or line is None else line[-1]
         below = number(f"range {low} to {high}")
         if line is None:
-            slews = index in machine.arm.slewing
+            slews = index in machine.arm.slews
             below = f"{'slews' if slews else 'out of plane'}, {below}"
         labels.append(Label(at=at, head=f"joint {joint.name}", below=below, colour=INK))
     return labels

@@ -10,7 +10,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.drawing.colours import actuator_colours
 from armdesign.drawing.side_view import side_view
-from armdesign.frequency.joint_grid import nearest
+from armdesign.frequency.joint_grid import cell_edges, nearest
 from armdesign.plots.canvas import (
     COLOURS,
     COMPUTED,
@@ -68,7 +68,7 @@ def frequency_map(
         _frequency_curves(ax, frequencies)
         ax.set_title("natural frequencies over the joint")
     else:
-        heatmap(ax, *_labelled_plane(ax, frequencies, frequencies.lowest), limits)
+        joint_cells(ax, *_labelled_plane(ax, frequencies, frequencies.lowest), limits)
         ax.set_title(f"lowest over {_others(machine)}{_steps(machine)}")
         x, y = (float(joint_values(machine.arm.joints[j], worst.q[j])) for j in drawn)
         mark(ax, x, y, worst.frequency)
@@ -146,7 +146,7 @@ def holding_pressure(frequencies: FrequencyMap, ax: Axes | None = None) -> Axes:
         return ax
     x, y, negative = _labelled_plane(ax, frequencies, -share)
     top = max(1.0, float(np.nanmax(-negative)))  # dark red is where the pump is at its end
-    heatmap(ax, x, y, -negative, {"vmin": 0.0, "vmax": top, "cmap": "YlOrRd"}, PRESSURE)
+    joint_cells(ax, x, y, -negative, {"vmin": 0.0, "vmax": top, "cmap": "YlOrRd"}, PRESSURE)
     if np.nanmax(-negative) > 1:
         ax.contour(x, y, -negative.T, levels=[1.0], colors=[MARK])
     ax.set_title(f"largest over {_others(frequencies.machine)}{_steps(frequencies.machine)}")
@@ -156,9 +156,14 @@ def holding_pressure(frequencies: FrequencyMap, ax: Axes | None = None) -> Axes:
 def heatmap(
     ax: Axes, x: Array, y: Array, values: Array, style: Mapping[str, Any], label: str = FREQUENCY
 ) -> None:
-    """Cells of values (nx, ny) around x (nx,) and y (ny,); NaN stays blank."""
-    style = {"cmap": COLOURS, "shading": "nearest", "rasterized": True, **style}
+    """Cells of values (nx, ny) around x (nx,) and y (ny,) or between edges; NaN stays blank."""
+    style = {"cmap": COLOURS, "shading": "auto", "rasterized": True, **style}
     colour_bar(ax, ax.pcolormesh(x, y, values.T, **style), label)
+
+
+def joint_cells(ax: Axes, x: Array, y: Array, *cells: Any) -> None:
+    """A ``heatmap`` over positions of two joints (nx,) and (ny,), which ends where these do."""
+    heatmap(ax, cell_edges(x), cell_edges(y), *cells)
 
 
 def mark(ax: Axes, x: float, y: float, frequency: float) -> None:
@@ -262,7 +267,7 @@ def _pressure_curves(ax: Axes, frequencies: FrequencyMap, share: Array) -> None:
 def silhouette(ax: Axes, machine: Machine, worst: WorstPose) -> None:
     """The machine at its worst pose, seen from the side, and the mark of its tool.
 
-    A machine that slewing turns so far out of the picture that its tool is seen elsewhere than at
+    A machine whose slew axis stands so far from the root's that its tool is seen elsewhere than at
     its reach is left out.
     """
     view = side_view(machine, worst.q)

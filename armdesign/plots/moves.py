@@ -128,15 +128,17 @@ def _commands(ax: Axes, move: Move) -> None:
 
 
 def _flow(ax: Axes, move: Move) -> None:
+    moving = _moving(move)
     for run, style in ((move.shaped, THICK), (move.unshaped, FAINT)):
-        taken = np.maximum(run.simulation.flows, 0.0).sum(axis=(1, 2)) / l_per_min
+        flows = run.simulation.flows[:, moving]
+        taken = np.maximum(flows, 0.0).sum(axis=(1, 2)) / l_per_min
         label = "shaped, simulated" if run.shaped else "unshaped, simulated"
         ax.plot(run.simulation.time, taken, color=INK, label=label, **style)
     planned = move.lead + move.planned.time, move.plan.flow / l_per_min
     ax.plot(*planned, color=COMPUTED, ls="--", lw=1.2, label="planned")
     pump = move.machine.supply.flow / l_per_min
     ax.axhline(pump, color=MARK, lw=1.0, label=f"pump, {pump:.0f} l/min")
-    ax.set(xlabel="time [s]", ylabel=f"flow into the {_kinds(move)} [l/min]", title="Flow")
+    ax.set(xlabel="time [s]", ylabel="flow [l/min]", title=f"Flow into moving {_kinds(move)}")
 
 
 def _pressures(ax: Axes, move: Move) -> None:

@@ -61,7 +61,8 @@ def widths(machine: Machine, bands: Bands) -> str:
     """The ends of all bands, in words."""
     notes = []
     if structures := _structures(bands):
-        notes.append(f"{structures} × as soft as today's oil")
+        oil = "today's oil without air" if machine.fluid.air else "today's oil"
+        notes.append(f"{structures} × as soft as {oil}")
     if bands.spring_stiffness != EXACT:
         notes.append(f"springs {_span(bands.spring_stiffness)} × as stiff")
     shares = {

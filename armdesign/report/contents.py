@@ -19,7 +19,7 @@ from armdesign.report.unreadable import AGAIN, lost_keys, unreadable
 
 FILE = "report.json"
 PAGE = "report.html"
-FORMAT = 2  # of the file; a reader of another refuses it
+FORMAT = 3  # of the file; a reader of another refuses it
 
 
 @dataclass(frozen=True, kw_only=True)

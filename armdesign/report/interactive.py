@@ -264,5 +264,4 @@ def _label(axis: CellAxis) -> str:
 
 def _ends(axis: CellAxis) -> dict[str, float]:
     """The range of all cells along an axis."""
-    half = axis.width / 2
-    return {"start": min(axis.middles) - half, "end": max(axis.middles) + half}
+    return {"start": axis.edges[0], "end": axis.edges[-1]}

@@ -348,16 +348,18 @@
     }
     return null;
   };
+  const middle = (axis, k) => (axis.edges[k] + axis.edges[k + 1]) / 2;
   const columns = (one, rows, plane, statistic) => {
     const { x, y } = plane, count = y ? y.middles.length : 1;
     const data = { x: [], y: [], width: [], height: [], value: [], words: [], pose: [], load: [], part: [], spread: [], frequency: [], others: [] };
     for (const row of rows) {
-      const [, , cell, pose] = one.cells[row], [lowest, low, middle] = one.frequencies[row];
-      data.x.push(x.middles[Math.floor(cell / count)]);
+      const [, , cell, pose] = one.cells[row], [lowest, low, median] = one.frequencies[row];
+      const [across, up] = [Math.floor(cell / count), cell % count];
+      data.x.push(y ? middle(x, across) : x.middles[across]);
       data.value.push(one.frequencies[row][statistic]);
-      data.y.push(y ? y.middles[cell % count] : data.value.at(-1));
-      data.width.push(x.width);
-      data.height.push(y ? y.width : 0);
+      data.y.push(y ? middle(y, up) : data.value.at(-1));
+      data.width.push(x.edges[across + 1] - x.edges[across]);
+      data.height.push(y ? y.edges[up + 1] - y.edges[up] : 0);
       const hertz = frequency(one, pose), loops = one.loops && one.loops[pose];
       data.words.push(`${(loops ? loops[0] : hertz).toFixed(3)} Hz, the lowest of the cell`);
       data.pose.push(poseWords(one, pose));
@@ -365,15 +367,15 @@
       data.part.push(loops ? narrowest(one, pose) : limiting(one, pose));
       data.frequency.push(`${hertz.toFixed(3)} Hz, limited by ${limiting(one, pose)}`);
       data.others.push(loops ? `common gains ${loops[1].toFixed(3)}, no pressure feedback ${loops[2].toFixed(3)} Hz` : "");
-      data.spread.push(`lowest ${lowest.toFixed(3)}, 5 % ${low.toFixed(3)}, median ${middle.toFixed(3)} Hz`);
+      data.spread.push(`lowest ${lowest.toFixed(3)}, 5 % ${low.toFixed(3)}, median ${median.toFixed(3)} Hz`);
     }
     return data;
   };
   const axisLabel = ({ name, unit }) => `${name} [${unit === "°" ? "deg" : unit}]`;
-  const range = (axis, middles, width) => {
-    const spare = scene.planes[0].y ? 0 : 0.03 * (Math.max(...middles) - Math.min(...middles)); // of rings about points
-    const beyond = width / 2 + spare;
-    [axis.start, axis.end] = [Math.min(...middles) - beyond, Math.max(...middles) + beyond];
+  const range = (axis, edges) => {
+    const [low, high] = [edges[0], edges.at(-1)];
+    const spare = scene.planes[0].y ? 0 : 0.03 * (high - low); // of rings about points
+    [axis.start, axis.end] = [low - spare, high + spare];
   };
   const fill = () => {
     const [load_case, index, statistic] = [controls.case, controls.plane, controls.statistic].map((one) => Number(one.value));
@@ -387,8 +389,8 @@
     machines.forEach((one, k) => {
       const colours = model(`colours-${k}`), map = model(`map-${k}`), source = model(`cells-${k}`);
       [colours.low, colours.high] = [low, high > low ? high : low + 1];
-      range(map.x_range, plane.x.middles, plane.x.width);
-      if (plane.y) range(map.y_range, plane.y.middles, plane.y.width);
+      range(map.x_range, plane.x.edges);
+      if (plane.y) range(map.y_range, plane.y.edges);
       else [map.y_range.start, map.y_range.end] = [0, 1.1 * high];
       map.below[0].axis_label = axisLabel(plane.x);
       map.left[0].axis_label = plane.y ? axisLabel(plane.y) : scene.quantity;

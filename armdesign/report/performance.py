@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 
 TOOL = "tool"  # part of the figures of reach, which come last
+TOOL_FORCE = "force at the tool, extending (ISO 6015)"
+AT_TOOL = (  # to a note where there is one
+    "; force at the tool: of one cylinder alone at its best angle, joints further out where their"
+    " own cylinders dig best, those without at the middle of their ranges"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,9 +47,9 @@ def figures(machine: Machine) -> list[Figure]:
         rows += _of_actuator(machine, performance)
         name = machine.actuators[performance.actuator].name
         if name in forces:
-            words, keys = "force at the tool, extending (ISO 6015)", ("tool_force",)
+            keys = ("tool_force",)
             rows.append(
-                Figure(part=name, words=words, keys=keys, unit="N", values=(forces[name],))
+                Figure(part=name, words=TOOL_FORCE, keys=keys, unit="N", values=(forces[name],))
             )
     return rows + _of_reach(machine)
 
@@ -125,6 +130,7 @@ def performance_sheet(machines: Mapping[str, Machine], units: Units = WORKSHOP) 
             " of the pump's flow for one actuator; stroke times of whole strokes, also where joint"
             " limits leave less; reach over the full strokes, heights over the root's origin; dump"
             " height: of the tool straight below the last joint that turns it"
+            f"{AT_TOOL if any(TOOL_FORCE in row[1] for row in cells) else ''}"
         ),
     )
 

@@ -20,7 +20,7 @@ from armdesign.drawing.colours import SPRING, actuator_colours
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import PictureJoints, Swing, Swings, picture_joints
 from armdesign.frequency.cases import groups_by_case
-from armdesign.frequency.joint_grid import nearest
+from armdesign.frequency.joint_grid import cell_edges, nearest
 from armdesign.frequency.modes import energy_shares, natural_modes
 from armdesign.report.packed import Packed, packed, rounded, whole
 from armdesign.units import WORKSHOP, Units
@@ -45,12 +45,12 @@ IN_PLATE = 1e-3  # [m] by which a pin may leave the plate of its body
 
 @dataclass(frozen=True, kw_only=True)
 class CellAxis:
-    """A joint along which cells lie: its name, unit, and the middles of the cells in that unit."""
+    """A joint along which cells lie: its name and unit, positions of cells and edges between."""
 
     name: str
     unit: str
     middles: tuple[float, ...]
-    width: float
+    edges: tuple[float, ...]
 
     def __post_init__(self) -> None:
         """Have a cell.
@@ -244,9 +244,8 @@ def _middles(axes: Sequence[Array], finest: int) -> Array:
 
 def _axis(joint: Joint, middles: Array, units: Units) -> CellAxis:
     factor, unit, _ = units.table[joint.unit]
-    shown = middles / factor
-    width = float(shown[1] - shown[0]) if len(shown) > 1 else 1.0
-    return CellAxis(name=joint.name, unit=unit, middles=tuple(shown.tolist()), width=width or 1.0)
+    at, edges = ((values / factor).tolist() for values in (middles, cell_edges(middles)))
+    return CellAxis(name=joint.name, unit=unit, middles=tuple(at), edges=tuple(edges))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

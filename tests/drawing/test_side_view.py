@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from armdesign.drawing.visuals import visuals
 from armdesign.errors import PoseError
 from armdesign.machine import template
 from armdesign.units import mm
-from tests.machines import ODD, middle, named
+from tests.machines import BOOM, LIFT, ODD, CylinderSpec, Joint, build, middle, named
+from tests.slewing_tables import MOTOR
+from tests.sprung import spring
 
 PLANAR = ["excavator_20t", "loader_crane", "patu_boom", "paper_1dof", "four_bar_right"]
 
@@ -173,6 +176,43 @@ def test_the_observer_turns_with_the_arm() -> None:
     assert view.points[1] == pytest.approx(view.points[0])
     assert view.placements[1] == pytest.approx(view.placements[0])
     assert machine.joints[slew] not in {arc.joint for arc in view.arcs}
+
+
+def _rocked(tilt: float) -> Machine:
+    """A boom on a column that slews 0.5 m above a carriage on a spring, tilted about y."""
+    rock = Joint("rock", "root", xyz=(0, 0, 0.4), limits=(-0.1, 0.1))
+    column = Joint("column", "rock", xyz=(0, 0, 0.5), axis=(0, 0, 1), limits=(-3, 3))
+    lift = CylinderSpec("lift", ("column", (0.7, 0, 0.1)), LIFT.rod_end)
+    more = MOTOR + spring("carriage", "rock", 9e6, f"at_deg = {math.degrees(tilt)}")
+    joints = [rock, column, replace(BOOM, parent="column")]
+    tool = "boom", (1.0, 0.0, -0.2)
+    return build(joints, [lift], order=["column", "boom"], payload=tool, more=more)
+
+
+@pytest.mark.parametrize("slew", [-math.pi / 2, 0.0, math.pi / 2])
+def test_the_observer_turns_with_an_arm_that_rocks(slew: float) -> None:
+    """Slewed aside, an arm is not seen from its end: reach as it is, height as it stands there.
+
+    In the frame of the column the plane of the arm is x and z. Turned aside by a right angle, the
+    carriage's tilt about y, 0.4 m above the ground, shifts the foot of the slew axis ahead, and
+    foreshortens heights above it by its cosine.
+    """
+    tilt, lifted = 0.03, 0.4
+    machine = _rocked(tilt)
+    view = side_view(machine, [slew, lifted])
+    along = 0.1 + math.cos(lifted) + 0.2 * math.sin(lifted)
+    above = 0.5 + 0.5 + math.sin(lifted) - 0.2 * math.cos(lifted)
+    if slew == 0:  # tilted in the picture
+        place = (
+            along * math.cos(tilt) - above * math.sin(tilt),
+            0.4 + along * math.sin(tilt) + above * math.cos(tilt),
+        )
+    else:
+        place = along + 0.4 * math.tan(tilt), 0.4 + above * math.cos(tilt)
+    assert view.tool[0] == pytest.approx(place, abs=1e-9)
+    base, end = view.points[0]
+    assert np.hypot(*(end - base)) == pytest.approx(view.lengths[0, 0], rel=tilt**2)
+    assert {arc.joint for arc in view.arcs} == {"boom"}
 
 
 def test_arcs_end_where_the_joints_do() -> None:

@@ -64,6 +64,7 @@ def test_a_share_known_by_hand() -> None:
     assert not by_name["counted"][["oil.cap.total", "frequency"]].any()
     sheet = acceptance_sheet(judged, WORKSHOP)
     assert sheet.title.startswith("Every requirement that counts is met by 75.0 % ± 2.7 % of")
+    assert "least margin: over the limit, of pins within an outline over its longer" in sheet.note
     left_out = sheet.note.split("exactly at the limit: ")[1].split(";")[0].split(", ")
     assert {"worst frequency", "oil of all cap sides"} <= set(left_out)
     assert len(left_out) == np.count_nonzero(~judged.counted)

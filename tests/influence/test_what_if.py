@@ -14,6 +14,7 @@ from armdesign.influence.what_if import PART, _estimate, _evenly
 from armdesign.machine.changes import read_changes
 from tests import machines
 from tests.commands import assert_one_line, main
+from tests.sprung import rocking
 
 POINTS = 5
 
@@ -283,6 +284,15 @@ def test_joints_of_worst_poses_change_by_degrees() -> None:
     assert cells["empty.worst.boom [°]"][-1] == f"{turned:+.1f}°"
     assert "empty.worst.stick [°]" not in cells or cells["empty.worst.stick [°]"][-1] != "+0.0°"
     assert cells["boom.joint_speed_least_extending [°/s]"][-1].endswith(" %")
+
+
+def test_all_that_can_limit_has_its_row_though_nothing_changes() -> None:
+    """On a soft carriage it alone limits at every pose, before and after."""
+    machine = rocking(stiffness=1e6)
+    answer = ad.what_if(machine, {"cylinder.stick.bore_mm": 136}, points=2, bandwidth=False)
+    shares = {cells[0]: cells[1] for cells in answer.sheets()[-1].rows if "limiting" in cells[0]}
+    parts = ["boom", "stick", "bucket", "carriage"]
+    assert shares == {f"limiting.{name}": f"{name == 'carriage':.2f}" for name in parts}
 
 
 def test_positions_of_joints_that_change_no_frequency_are_no_change() -> None:

@@ -79,6 +79,34 @@ def test_a_slew_follows_as_far_as_its_inertia_asks_for() -> None:
     assert max(move.reductions) < 0.03
 
 
+def test_the_flow_of_a_picture_is_that_of_what_moves() -> None:
+    """A slew that stands takes no oil, though a boom creeps beside it by its underlapped valve.
+
+    On the way it takes its displacement, 0.129 l × 140 by a turn of the arm.
+    """
+    edges = {"supply_to_cap": 0.9, "supply_to_annulus": 0.5}
+    edges |= {"cap_to_return": 0.7, "annulus_to_return": 1.3}
+    valve = {"overlap_percent": -3.0, "preload_bar": 25, "edges": edges}
+    creeping = {f"cylinder.boom.valve.{key}": value for key, value in valve.items()}
+    machine = holding(
+        machines.named("slewing"), "boom", side="cap", pilot_ratio=0, setting_bar=350
+    )
+    machine = machine.replace(creeping)
+    stops = np.radians([[0.0, 30.0, -90.0, -60.0], [40.0, 30.0, -90.0, -60.0]])
+    move = ad.plan_move(machine, *stops, spread=0.0)
+    ax = move.plot().axes[1]
+    time, flow = next(
+        line for line in ax.lines if line.get_label() == "shaped, simulated"
+    ).get_data()
+    run = move.shaped.simulation
+    speed = np.interp(move.lead + move.duration / 2, run.time, run.velocity[:, 0])
+    assert np.interp(move.lead + move.duration / 2, time, flow) == pytest.approx(
+        0.129 * 140 * speed / (2 * np.pi) * 60, rel=0.01
+    )
+    assert flow[time > move.stop_time + 0.5].max() < 0.5
+    assert ax.get_title() == "Flow into moving motors"
+
+
 def test_no_valve_is_asked_for_more_than_all_of_its_opening() -> None:
     """With all of flow and force a slew, whose valve has to speed up its inertia, takes longer."""
     stops = np.radians([[0.0, 30.0, -90.0, -60.0], [60.0, 30.0, -90.0, -60.0]])

@@ -12,7 +12,7 @@ import armdesign as ad
 from armdesign import plots
 from armdesign.drawing.colours import ACTUATORS
 from tests.frequency.cached import mapped
-from tests.machines import BOOM, FOLD, LIFT, STICK, CylinderSpec, Joint, build
+from tests.machines import BOOM, FOLD, LIFT, STICK, CylinderSpec, Joint, build, named
 
 
 @pytest.mark.parametrize("name", ["excavator_20t", "crossing", "branched"])
@@ -21,6 +21,24 @@ def test_least_of_the_joint_picture_is_least_of_the_map(name: str) -> None:
     x, y, values = plots.joint_plane(frequencies, frequencies.lowest)
     assert values.shape == (len(x), len(y))
     assert np.nanmin(values) == frequencies.frame["f1_hz"].min()
+
+
+@pytest.mark.parametrize("draw", ["joints", "holding", "bandwidth"])
+def test_cells_end_where_the_joints_do(draw: str) -> None:
+    """Two values of each joint are two cells of half its range, not of all of it."""
+    machine = named("loader_crane")
+    workspace = ad.Workspace.grid(machine, 2)
+    if draw == "bandwidth":
+        ax = plots.bandwidth_map(ad.bandwidth_map(machine, workspace))
+    else:
+        ax = plots.map_figure(ad.frequency_map(machine, workspace), draw).axes[0]
+    lower, upper = np.degrees(machine.range_within(workspace.end_margin)[:2]).T
+    corners = ax.collections[0].get_coordinates()
+    np.testing.assert_allclose(corners[0, 0], lower)
+    np.testing.assert_allclose(corners[1, 1], (lower + upper) / 2)
+    np.testing.assert_allclose(corners[2, 2], upper)
+    frame = np.array([ax.get_xlim(), ax.get_ylim()])
+    np.testing.assert_allclose(frame, np.column_stack([lower, upper]))
 
 
 @pytest.mark.parametrize("plane", ["joints", "reach"])
@@ -62,11 +80,12 @@ def test_load_cases_of_one_joint_are_told_apart(plane: str) -> None:
         assert (line.get_color() in ACTUATORS) == of_actuator
 
 
-@pytest.mark.parametrize(("foot", "drawn"), [(0.0, False), (0.2, True)])
+@pytest.mark.parametrize(("foot", "drawn"), [(0.0, True), (0.2, True), (1.0, False)])
 def test_the_worst_pose_is_marked_at_its_reach(foot: float, drawn: bool) -> None:
-    """Reach is the distance from the root's vertical axis, the root of Pythagoras of x and y, and
-    no place in a side view: not where a slew is not level (``foot`` 0), nor where it stands apart
-    from that axis (0.2 m). The machine is drawn where its tool is seen near its place.
+    """Reach is the distance from the root's vertical axis, the root of Pythagoras of x and y.
+
+    That is seen from the side where the slew stands on that axis, though it leans (``foot`` 0),
+    not where it stands apart: little by 0.2 m, which is drawn, too much by 1 m.
     """
     tilt = 0.0 if foot else 0.05
     column = Joint(
@@ -83,6 +102,10 @@ def test_the_worst_pose_is_marked_at_its_reach(foot: float, drawn: bool) -> None
     (ring, _) = [line for line in ax.lines if line.get_markersize() == 10]
     np.testing.assert_allclose(ring.get_xydata()[0], (np.hypot(x, y), z))
     assert bool(ax.patches) == drawn
+    stars = [line.get_xydata()[0] for line in ax.lines if line.get_marker() == "*"]
+    assert len(stars) == drawn
+    if foot == 0:
+        np.testing.assert_allclose(stars, [(np.hypot(x, y), z)], rtol=1e-3)
 
 
 def test_a_reach_map_draws_its_own_cells() -> None:

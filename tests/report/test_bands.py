@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import armdesign as ad
+from armdesign.report.bands import widths
 from armdesign.report.map_reports import headline, least_between, poses_of_ends
 from armdesign.report.maps import map_sheets
 from tests import machines
@@ -57,6 +58,21 @@ def test_a_machine_that_topples_at_the_soft_end_has_a_map() -> None:
     sheet = map_sheets(frequencies)[1]
     assert sheet.rows == (("softest", "unstable"),)
     assert "0.1 of it, within the bands) does not hold the machine upright" in sheet.note
+
+
+@pytest.mark.parametrize(("air", "oil"), [(0.0, "today's oil"), (0.7, "today's oil without air")])
+def test_structure_is_told_by_the_oil_that_it_is_measured_by(air: float, oil: str) -> None:
+    """As at mid stroke, whatever air: the oil alone, 1/(β A1²/V1 + β A2²/V2)."""
+    machine = ad.load("paper_1dof").replace({"fluid.entrained_air_percent": air})
+    said = widths(machine, ad.Bands(structure=(0.0, 0.9)))
+    assert said == f"structure 0 to 0.9 × as soft as {oil}"
+    (lift,), modulus = machine.cylinders, machine.fluid.bulk_modulus
+    sides = (lift.bore_area, lift.cap_dead_volume), (lift.annulus_area, lift.annulus_dead_volume)
+    volumes = [area * lift.stroke / 2 + dead for area, dead in sides]
+    stiffness = sum(modulus * sides[k][0] ** 2 / volumes[k] for k in (0, 1))
+    soft = ad.Bands(structure=(1.0, 1.0))
+    (yielding,) = soft.at_end(machine, soft.ends[0]).cylinders
+    assert yielding.compliance == pytest.approx(1 / stiffness, rel=1e-9)
 
 
 def test_rigid_machines_on_springs_are_not_called_rigid() -> None:

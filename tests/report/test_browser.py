@@ -134,7 +134,7 @@ def test_drawing_and_maps_have_the_units_of_the_tables(
     assert labels == [f"lift_boom [{shown_angle}]", f"extension [{length}]"]
     extension = machine.ranges[2] / units.table["m"][0]
     ends = [tab.evaluate(f"{find}.y_range.{end}") for end in ("start", "end")]
-    assert ends[0] < extension[0] < extension[1] < ends[1]
+    assert extension[0] <= ends[0] < ends[1] <= extension[1]
     pins = tab.evaluate(
         "[...document.querySelectorAll('#drawing .pin')].map((p) => p.textContent)"
     )

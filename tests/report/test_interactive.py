@@ -43,8 +43,7 @@ def test_bokeh_reads_the_figures(name: str, glyph: str) -> None:
         assert cells.glyph.fill_color["transform"] is colours
         assert cells.nonselection_glyph.line_color["transform"] is colours
         first, last = drawn.planes[0].x.middles[0], drawn.planes[0].x.middles[-1]
-        half = drawn.planes[0].x.width / 2
-        assert (figure.x_range.start, figure.x_range.end) == (first - half, last + half)
+        assert (figure.x_range.start, figure.x_range.end) == (first, last)
         assert [line.axis for line in figure.center] == [*figure.below, *figure.left]
 
 

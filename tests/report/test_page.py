@@ -286,7 +286,7 @@ def test_the_format_has_a_new_number_where_what_is_kept_changes() -> None:
         for field in dataclasses.fields(kind)
     ]
     digest = hashlib.sha256("\n".join(fields).encode()).hexdigest()[:16]
-    assert {FORMAT: digest} == {2: "1d2b57f56ee9e44e"}
+    assert {FORMAT: digest} == {3: "11d8ebf06dcd7f8e"}
 
 
 @pytest.mark.parametrize(
@@ -297,7 +297,7 @@ def test_the_format_has_a_new_number_where_what_is_kept_changes() -> None:
         ("[1]", "is damaged: it is no report; run the command that wrote the folder again"),
         (f"{200_000 * '['}", "is damaged: "),
         (written(title=3), "is damaged: title is not what armdesign writes there; make it anew"),
-        (written(format=1), "(0.0.0, format 1); this one, {ours}, reads format 2; make it anew"),
+        (written(format=1), "(0.0.0, format 1); this one, {ours}, reads format 3; make it anew"),
         (written(format=1, sections=[{"sheets": {"rows": 1.5}}]), "wrote it (format 1); this"),
         (written(scene=0), "another version of armdesign wrote it (0.0.0); this one, {ours}, "),
         ('{"title": "", "lead": "", "sections": [], "format": 9}', "wrote it (format 9); this"),

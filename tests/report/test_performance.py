@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+import armdesign as ad
 from armdesign.report.performance import figures, performance_sheet
 from armdesign.units import SI
 from tests import machines
@@ -25,6 +26,18 @@ def test_a_wider_bore_has_its_ratio() -> None:
     assert ratios["tool", "largest reach [mm]"] == "1.000"
     boom = [row[1:] for row in sheet.rows[:7]]
     assert boom[3] == ("stroke time [s]", "4.0, 2.0", "4.4, 2.4", f"{out:.3f}, {back:.3f}")
+
+
+def test_the_note_says_where_outer_joints_stand() -> None:
+    """They decide the boom's force at the tool, which other pins of the stick's change."""
+    today = ad.load("excavator_20t")
+    base = dict(zip("xyz", today.section.cylinder["stick"].base.at_mm, strict=True))
+    moved = today.replace({"cylinder.stick.base.at_mm": [base["x"], base["y"], base["z"] + 60]})
+    sheet = performance_sheet({"today": today, "moved": moved})
+    rows = [row for row in sheet.rows if row[1].startswith("force at the tool")]
+    assert [row[0] for row in sheet.rows if row[0]][:1] == ["boom"]
+    assert float(rows[0][-1]) != 1.0
+    assert "joints further out where their own cylinders dig best" in sheet.note
 
 
 def test_figures_that_one_machine_has_not() -> None:

@@ -106,8 +106,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "stribeck_velocity_deg_per_s": "speed in whose range friction falls from static to dry",
     "viscous_N_m_s_per_rad": "friction per speed",
     "bands": "what is not known exactly: [lower, upper] as shares of this file's values",
-    "structure": "series compliance of each actuator over its oil's compliance at mid stroke: 0"
-    " rigid, 1 as soft as the oil",
+    "structure": "series compliance of each actuator over its oil's, without air, at mid"
+    " stroke: 0 rigid, 1 as soft as that oil",
     "structures": "the same of single actuators by name, which come before structure",
     "spring_stiffness_share": "of every spring's stiffness",
     "bulk_modulus_share": "of the oil's bulk modulus without air",

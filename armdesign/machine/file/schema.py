@@ -348,7 +348,7 @@ ShareBand = Pair[Annotated[float, Field(ge=0.1, le=10)]]
 class BandsSection(Section):
     """Bands of values that are not known exactly: their ends, as shares of this file's values.
 
-    ``structure``: series compliance of each actuator over its oil's compliance at mid stroke;
+    ``structure``: series compliance of each actuator over its oil's, without air, at mid stroke;
     ``structures``: the same of single actuators.
     """
 
