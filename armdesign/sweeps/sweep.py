@@ -324,9 +324,7 @@ def _study(
     if points is not None:
         one = isinstance(points, Integral)
         points = index(points) if one else [index(count) for count in points]
-    poses = [] if workspace is None else [workspace.q.tolist(), workspace.weights.tolist()]
-    if workspace is not None:
-        poses += [[axis.tolist() for axis in workspace.axes], workspace.end_margin, workspace.kind]
+    poses = workspace and workspace.identity
     try:
         shared = canonical([version("armdesign"), task[1], exact(dict(options)), poses, points])
     except (TypeError, ValueError):
