@@ -18,6 +18,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, is_keeping
 from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest, exact
+from armdesign.machine.changed_parts import refuse_changed_parts
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.progress import rounds
@@ -144,6 +145,8 @@ def sweep(
     for model in machines.values():
         if workspace is not None:
             workspace.refuse_other_joints(model)
+        if any(chosen):
+            refuse_changed_parts(model)
     study = _study(machines, (task, identity), shared, workspace, points)
     refuse_many(len(study.machines) * len(more["payloads"] or [0]) * len(chosen) * len(sets))
     cases = list(_cases(study, chosen, more["payloads"], sets))
