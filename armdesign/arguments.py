@@ -63,6 +63,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     such an argument the error stays as it is. Annotations that are neither a plain type nor a
     class of the package, as aliases and arrays, allow everything. An unknown keyword of a function
     that takes requirements is answered by the nearest argument, or by how a requirement is given.
+    The function is given a workspace with the links of the machine beside it.
 
     Raises:
         ArmDesignError: from the function made, for an argument of another type, for keywords of
@@ -74,9 +75,9 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def judged(*words: P.args, **named: P.kwargs) -> R:
         _refuse_too_many(named)
-        _refuse_other_joints(dict(zip(signature.parameters, words, strict=False)) | named)
+        own: Any = _on_the_machine(list(signature.parameters), words, named)
         try:
-            return function(*words, **named)
+            return function(*own[0], **own[1])
         except ArmDesignError:
             raise
         except Exception:
@@ -107,11 +108,23 @@ def _is_a(value: Any, name: str) -> bool:
     return any(of.__name__ == name for of in type(value).__mro__)
 
 
-def _refuse_other_joints(given: Mapping[str, Any]) -> None:
-    """Raise for a workspace of another machine than the one beside it."""
-    workspace: Any = given.get("workspace")
-    if _is_a(workspace, "Workspace") and _is_a(machine := given.get("machine"), "Machine"):
-        workspace.refuse_other_joints(machine)
+def _on_the_machine(
+    names: list[str], words: tuple[Any, ...], named: dict[str, Any]
+) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """Arguments, in which a workspace has the links of the machine beside it.
+
+    Raises:
+        ArmDesignError: that machine has other joints.
+    """
+    given = dict(zip(names, words, strict=False)) | named
+    workspace, machine = given.get("workspace"), given.get("machine")
+    if not (_is_a(workspace, "Workspace") and _is_a(machine, "Machine")):
+        return words, named
+    own = workspace.on(machine)  # type: ignore[union-attr]
+    if "workspace" in named:
+        return words, named | {"workspace": own}
+    at = names.index("workspace")
+    return (*words[:at], own, *words[at + 1 :]), named
 
 
 def with_options(

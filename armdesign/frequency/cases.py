@@ -67,8 +67,9 @@ def load_cases(
     """Every load case of a machine, in the order of its file, with the poses at which it exists.
 
     ``payload_share`` is a factor on the mass of every load case, ``link_share`` on all masses and
-    inertias of the bare links.
+    inertias of the bare links. A workspace of other links has its poses on the machine's.
     """
+    workspace = workspace.on(machine)
     for payload in machine.payloads:
         loaded = replace(machine, payload=replace(payload, mass=payload_share * payload.mass))
         exists = workspace.holds(payload)

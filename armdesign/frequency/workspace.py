@@ -50,7 +50,8 @@ class Workspace(ReadOnly):
             there.
         axes: even values of each joint [rad, m]: the grid, or the cells of pictures.
         end_margin: share of its stroke that every cylinder keeps free at both ends.
-        machine: the machine that the workspace was made for: today's.
+        machine: the machine that the workspace was made for: today's. Its links and end stops
+            are those of the poses; see ``on`` for machines with other links.
         kind: how its poses were chosen; "poses": one by one.
         cells: of a reach plane: middles of its cells, reach and height [m].
     """
@@ -189,13 +190,27 @@ class Workspace(ReadOnly):
             fault = f"its poses are of {others} of {self.machine.name}, {machine.name} has {own}"
             raise ArmDesignError("workspace", fault, "make one of this machine")
 
+    def on(self, machine: Machine) -> Workspace:
+        """The poses with the links of a machine: this workspace where its own are the same.
+
+        With other links joint positions, weights and axes stay; inertia, placements and end stops
+        are those of the machine. The last one made is remembered, for all machines of its links.
+
+        Raises:
+            ArmDesignError: the machine has other joints.
+        """
+        last: Workspace | None = vars(self).get("_last_other")
+        for known in (self, last):
+            if known is not None and known.machine.arm.moves_like(machine.arm):
+                return known
+        self.refuse_other_joints(machine)
+        other = vars(self)["_last_other"] = replace(self, machine=machine)
+        return other
+
     def suits(self, other: Machine) -> bool:
         """Whether another machine has the same links and can take all the poses."""
-        links = [
-            (machine.arm.xml, machine.joints, [spring.at for spring in machine.springs])
-            for machine in (self.machine, other)
-        ]
-        return links[0] == links[1] and bool(_least_margin(other, self.q).min() >= 0)
+        same = self.machine.arm.moves_like(other.arm)
+        return same and bool(_least_margin(other, self.q).min() >= 0)
 
     def subset(self, rows: Array) -> Workspace:
         """Some of the poses, each of weight one."""

@@ -222,4 +222,4 @@ class Inspection:
 
 def inspect(machine: Machine, workspace: Workspace) -> Inspection:
     """Look at a machine over its workspace."""
-    return Inspection(machine, workspace)
+    return Inspection(machine, workspace.on(machine))

@@ -9,6 +9,7 @@ from itertools import accumulate
 from typing import Any
 
 from armdesign.errors import ArmDesignError, MachineFileError
+from armdesign.machine.changed_parts import refuse_changed_parts
 from armdesign.machine.file.key_paths import Location, is_requirement
 from armdesign.machine.file.machine_file import flat
 from armdesign.machine.file.numbers import chosen_numbers, numbers_of
@@ -60,10 +61,11 @@ def changed_machine(
         check: whether the machine must fit together; one that does not can be drawn.
 
     Raises:
-        ArmDesignError: a path or value that the file cannot have.
+        ArmDesignError: a path or value that the file cannot have, or a part changed in memory.
     """
     if not changes:
         raise ArmDesignError(part, "nothing changes", f"give KEY=VALUE, as {_example(machine)}")
+    refuse_changed_parts(machine)
     known, whole = flat(machine.section), dict[str, Any]()
     for path, value in changes.items():
         table, _, leaf = path.rpartition(".")

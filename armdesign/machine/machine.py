@@ -23,6 +23,7 @@ from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.machine import from_urdf, parts
 from armdesign.machine.assembly_faults import assembly_faults
 from armdesign.machine.carried_masses import bar_points, loaded
+from armdesign.machine.changed_parts import refuse_changed_parts
 from armdesign.machine.file import machine_file, saving, toml_writing
 from armdesign.machine.file.contradictions import unknown_joints, unknown_links
 from armdesign.machine.file.schema import MachineSection
@@ -218,7 +219,11 @@ class Machine:
         return tuple(case for case in self.payloads if case.name in self.section.payload)
 
     def loaded_like(self, other: Machine) -> Machine:
-        """This machine with the load case at work of another, without those that it leaves out."""
+        """This machine with the load case at work of another, without those that it leaves out.
+
+        Parts of the other that its file has not would be lost: they are refused.
+        """
+        refuse_changed_parts(other)
         of_file = other.section.payload
         left_out = of_file.keys() - {case.name for case in other.payloads}
         kept = (case for case in self._cases_of_file if case.name not in left_out)
@@ -231,7 +236,7 @@ class Machine:
         Example: ``machine.replace({"cylinder.boom.bore_mm": 130.0})``.
 
         Raises:
-            MachineFileError: a path or value that the file cannot have.
+            MachineFileError: a path or value that the file cannot have; a part changed in memory.
         """
         source = self.source.name
         if not isinstance(changes, Mapping):

@@ -83,6 +83,14 @@ class Arm:
         frozen = dict.fromkeys(one.name for link in self.links.values() for one in link.frozen)
         return [*(joint.name for joint in self.coordinates), *frozen]
 
+    def moves_like(self, other: Arm) -> bool:
+        """Whether another arm has the same links, coordinates, and springs that rest alike."""
+        if other is self:
+            return True
+        names = [[joint.name for joint in arm.coordinates] for arm in (self, other)]
+        alike = self.xml == other.xml and names[0] == names[1]
+        return alike and np.array_equal(self._standing, other._standing)
+
     def carried(self, coordinate: int) -> str:
         """Name of the link that a coordinate's joint carries."""
         return next(link.name for link in self.links.values() if link.joint == coordinate)

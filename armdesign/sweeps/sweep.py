@@ -18,6 +18,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, is_keeping
 from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import canonical, digest, exact
+from armdesign.machine.changed_parts import refuse_changed_parts
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
 from armdesign.processes import may_begin
@@ -152,6 +153,8 @@ def sweep(
     for model in machines.values():
         if workspace is not None:
             workspace.refuse_other_joints(model)
+        if any(chosen):
+            refuse_changed_parts(model)
     study = _study(machines, (task, identity), shared, workspace, points)
     refuse_many(len(study.machines) * len(more["payloads"] or [0]) * len(chosen) * len(sets))
     cases = list(_cases(study, chosen, more["payloads"], sets))
@@ -345,9 +348,7 @@ def _study(
     if points is not None:
         one = isinstance(points, Integral)
         points = index(points) if one else [index(count) for count in points]
-    poses = [] if workspace is None else [workspace.q.tolist(), workspace.weights.tolist()]
-    if workspace is not None:
-        poses += [[axis.tolist() for axis in workspace.axes], workspace.end_margin, workspace.kind]
+    poses = workspace and workspace.identity
     try:
         shared = canonical([version("armdesign"), task[1], exact(dict(options)), poses, points])
     except (TypeError, ValueError):

@@ -141,7 +141,8 @@ def _answer(study: Study, case: Case) -> dict[str, Any]:
     if case.payload is not None:
         machine = machine.with_payload(case.payload)
         machine = replace(machine, payloads=(machine.payload,))
-    workspace = study.workspace or Workspace.grid(machine, study.points)
+    known = study.workspace
+    workspace = known.on(machine) if known else Workspace.grid(machine, study.points)
     task = task_named(study.task) if isinstance(study.task, str) else study.task
     # a copy for each case, as other processes have one, in an order that the key knows
     options = deepcopy(dict(sorted({**study.options, **case.options}.items())))

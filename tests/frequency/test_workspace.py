@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
+from armdesign.machine import template
 from tests import machines
 from tests.frequency.cached import workspace
 
@@ -142,3 +146,44 @@ def test_the_remedy_for_points_names_counts_per_joint_only_where_there_are_sever
 ) -> None:
     with pytest.raises(ad.ArmDesignError, match=rf"points: 1 is not allowed; {remedy}"):
         ad.Workspace.grid(machines.named(name), points=1)
+
+
+def lifting_boom() -> ad.Machine:
+    """One joint, ``[links]``, valves; its range does not depend on masses."""
+    return ad.Machine.from_text(template.new("lifter", links=1), "", Path("lifter.toml"))
+
+
+def test_poses_of_a_machine_serve_all_of_its_links() -> None:
+    """What is computed of the links once serves every machine with the same, however made."""
+    machine = lifting_boom()
+    space = ad.Workspace.grid(machine, 3)
+    stiffer = machine.replace({"fluid.bulk_modulus_MPa": 1500.0})
+    again = ad.Machine.from_text(machine.text, machine.urdf_text, machine.source)
+    assert space.on(machine) is space.on(stiffer) is space.on(again) is space
+    heavy = machine.replace({"links.boom.mass_kg": 900.0})
+    other = space.on(heavy)
+    assert other is space.on(heavy.replace({"fluid.bulk_modulus_MPa": 1500.0}))
+    assert other.machine is heavy
+    for name in ("q", "weights", "axes", "end_margin", "kind", "cells"):
+        assert np.array_equal(getattr(other, name), getattr(space, name))
+    assert space.suits(stiffer)
+    assert not space.suits(heavy)
+    assert not other.suits(machine)
+    assert other.suits(heavy)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        lambda *given: ad.frequency_map(*given).lowest.mean(),
+        lambda *given: ad.bandwidth_map(*given, damping=0.05).worst("individual")["own_hz"],
+        lambda *given: ad.size_cylinders(*given).after.lowest.mean(),
+    ],
+    ids=["map", "bandwidths", "sizes"],
+)
+def test_every_door_takes_the_links_of_the_machine(answer: Callable[..., float]) -> None:
+    """As over a workspace made for the machine, which has the same positions of the joint."""
+    machine = lifting_boom()
+    space, heavy = ad.Workspace.grid(machine, 3), machine.replace({"links.boom.mass_kg": 900.0})
+    before = answer(machine, space)
+    assert answer(heavy, space) == answer(heavy, ad.Workspace.grid(heavy, 3)) != before

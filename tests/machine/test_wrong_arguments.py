@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.optimize import brentq
 
 import armdesign as ad
 from armdesign.errors import PoseError
+from armdesign.machine.changes import changed_machine
 from tests import machines
 from tests.machine.file.bad_files import EXCAVATOR, assert_clear
 
@@ -193,3 +195,29 @@ def test_end_margins_that_cannot_be(margin: Any) -> None:
         match=r"end_margin: .* is not allowed; give a share of the stroke in \[0, 0",
     ):
         ad.Workspace.grid(EXCAVATOR, points=3, end_margin=margin)
+
+
+CHANGED_IN_MEMORY = {
+    "fluid": {"fluid": replace(EXCAVATOR.fluid, bulk_modulus=5e8)},
+    "supply": {"supply": replace(EXCAVATOR.supply, flow=1.0)},
+    "tool": {"tool": replace(EXCAVATOR.tool, at=(0.0, 0.0, 0.0))},
+    "cylinder": {
+        "cylinders": (replace(EXCAVATOR.cylinders[0], bore=0.2), *EXCAVATOR.cylinders[1:])
+    },
+    "payload.full": {"payload": replace(EXCAVATOR.with_payload("full").payload, mass=1.0)},
+}
+
+
+@pytest.mark.parametrize("path", CHANGED_IN_MEMORY)
+def test_a_part_changed_in_memory_is_not_lost_by_a_change_of_the_file(path: str) -> None:
+    """By ``dataclasses.replace``: the text does not have it."""
+    other = replace(EXCAVATOR, **CHANGED_IN_MEMORY[path])  # type: ignore[arg-type]
+    bore = {"cylinder.boom.bore_mm": EXCAVATOR.section.cylinder["boom"].bore_mm}
+    said = rf"{EXCAVATOR.source.name}: {re.escape(path)}: was changed in memory.*by key path"
+    for change in (other.replace, lambda one: changed_machine(other, one, check=False)):
+        with pytest.raises(ad.ArmDesignError, match=said):
+            change(bore)
+    with pytest.raises(ad.ArmDesignError, match=said):
+        ad.sweep(other, {path: [value] for path, value in bore.items()}, points=2)
+    loaded = EXCAVATOR.with_payload(123.0)
+    assert loaded.replace(bore).payload == loaded.payload

@@ -53,7 +53,7 @@ class PinBoxes:
         """Half side of a pin's box where no box of its own is given [m]."""
         if self.pin_box is not None:
             return self.pin_box
-        arm, rigid = machine.arm, workspace.rigid
+        arm, rigid = machine.arm, workspace.on(machine).rigid
         tool = arm.point(rigid, machine.tool.link, np.array(machine.tool.at))
         outwards = [*arm.chain(machine.tool.link), *arm.outwards]
         first = next(j for j in outwards if j < len(machine.joints))
