@@ -199,8 +199,8 @@ def bandwidth_map(
         >>> columns = ["boom", "f1_hz", "merritt_hz", "damped_hz"]
         >>> print(bandwidths.frame[columns].round(2).to_string(index=False))
          boom  f1_hz  merritt_hz  damped_hz
-        -0.82   7.45        0.30       5.88
-        -0.08  10.40        0.42       8.14
+        -0.82   7.45        0.30       5.85
+        -0.08  10.40        0.42       8.10
          0.65  16.63        0.67      12.84
     """
     options = ControlOptions(
