@@ -256,25 +256,23 @@ class Machine:
         JSON Schema that a ``#:schema`` line names.
 
         Args:
-            path: of the machine file.
+            path: of the machine file, which is returned.
             overwrite: whether files may be replaced that this package did not make.
 
-        Returns:
-            The path of the machine file.
-
         Raises:
-            ArmDesignError: a place that cannot be written, or holds a file of somebody else.
+            ArmDesignError: a place that cannot be written, a file of somebody else there, or a
+                part changed in memory.
         """
+        refuse_changed_parts(self)
         return saving.save(self, path, overwrite)
 
     def files(self, path: str | Path) -> dict[Path, str]:
-        """Paths and texts that ``save`` writes: machine file, URDF, JSON Schema if it is missing.
-
-        A file with ``[links]`` has no URDF.
+        """Paths and texts that ``save`` writes: machine file, URDF if any, missing JSON Schema.
 
         Raises:
-            ArmDesignError: a path that no machine file can have.
+            ArmDesignError: a path that no machine file can have, or a part changed in memory.
         """
+        refuse_changed_parts(self)
         return saving.files(self, path)
 
     # --------------------------------------------------------------------------------------- poses

@@ -217,6 +217,9 @@ def test_a_part_changed_in_memory_is_not_lost_by_a_change_of_the_file(path: str)
     for change in (other.replace, lambda one: changed_machine(other, one, check=False)):
         with pytest.raises(ad.ArmDesignError, match=said):
             change(bore)
+    for write in (other.files, other.save):
+        with pytest.raises(ad.ArmDesignError, match=said):
+            write("never.toml")
     with pytest.raises(ad.ArmDesignError, match=said):
         ad.sweep(other, {path: [value] for path, value in bore.items()}, points=2)
     loaded = EXCAVATOR.with_payload(123.0)
