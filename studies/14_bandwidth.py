@@ -1,6 +1,6 @@
 """How much bandwidth does the new 20 t machine buy, and what does 1 % of air take?
 
-With common gains the new one's 0.129 Hz is 11 % more than 0.116 Hz; its frequency is 7 % higher.
+With common gains the new one's 0.129 Hz is 11 % more than 0.117 Hz; its frequency is 7 % higher.
 Without pressure feedback they have 0.0046 and 0.0043 Hz. At today's poses 1 % of air takes 23 % of
 the frequency and 47 % of the bandwidth. Gains of their own for each loop give both machines about
 twice as much or more; which of the two then has more, a search that gives lower bounds does not
