@@ -78,7 +78,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "leakage_l_per_min_per_bar": "leakage across the piston",
     "tank_leakage_l_per_min_per_bar": "leakage from each chamber to the tank",
     "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
-    "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure",
+    "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure; the lower"
+    " of it and supply pressure is the available pressure",
     "preload_bar": "of the chamber without load while the valve is shut and tight; default: return"
     " pressure",
     "natural_frequency_hz": "natural frequency of the spool",
@@ -128,7 +129,7 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "holding_share": "static force over what supply against return pressure gives",
     "oil_total_share": "oil of all cylinders, at most",
     "oil_each_share": "oil of each cylinder and side, at most",
-    "thrust_share": "supply pressure × bore area of each cylinder, at most",
+    "thrust_share": "available pressure × bore area of each cylinder, at most",
     "moment_arm_share": "smallest moment arm over the range, at least",
     "torque_share": "largest torque of each actuator in each direction, at least",
     "end_torque_share": (
@@ -139,11 +140,11 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "digging": "cylinders whose digging force counts, and the share of it that must remain",
     "pin_box_mm": "how far each pin coordinate may move",
     "pin_boxes_mm": "other boxes for single pins, by cylinder and pin",
-    "digging_kN": "digging force at the tool by cylinder, at least: it alone, supply pressure,"
+    "digging_kN": "digging force at the tool by cylinder, at least: it alone, available pressure,"
     " best angle (ISO 6015)",
     "buckling_share": "Euler safety of each rod, at least",
-    "buckling_factor": "buckling load over supply pressure × bore area, at least; default: no such"
-    " limit",
+    "buckling_factor": "buckling load over available pressure × bore area, at least; default: no"
+    " such limit",
     "buckling_column": "what buckles: rod, all of the open cylinder as thick as the rod; stepped,"
     " barrel and rod",
     "cylinder_mass_kg": "estimated mass of all cylinders together, at most",
