@@ -297,7 +297,7 @@ def workable(machine: Machine, poses: Poses) -> Flags:
     works = natural_modes(poses).frequencies[:, 0] > 0
     for actuator, force in zip(machine.actuators, poses.cylinder_forces.T, strict=True):
         pressures = np.max(actuator.static_pressures(force, machine.supply), axis=0)
-        works &= pressures < min(machine.supply.pressure, actuator.relief(machine.supply))
+        works &= pressures < actuator.available_pressure(machine.supply)
     return np.asarray(works)
 
 

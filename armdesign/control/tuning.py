@@ -60,7 +60,7 @@ class Aim:
 class Task:
     """Plants whose controllers are searched, their loops, and the aim.
 
-    ``close`` is the factor within which gains are found: ``CLOSE``, or ``EXACT``.
+    ``close`` is the factor within which gains are found: ``CLOSE``, ``CLOSER`` or ``EXACT``.
     """
 
     plant: LoopPlant

@@ -98,11 +98,12 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if "csv" in data:
         return {"changes": path.parent / data["csv"]}
     if "case" in data:
-        return {"changes": _flat_all(data, "case", path)}
+        part, cases = f"{path.name}: case", data["case"]  # others than tables are refused later
+        return {"changes": [by_key_path(c, part) if isinstance(c, dict) else c for c in cases]}
+    if "grid" in data:
+        return {"changes": by_key_path(data["grid"], f"{path.name}: grid")}
     if "sobol" not in data:
-        return (
-            {"changes": by_key_path(data["grid"], f"{path.name}: grid")} if "grid" in data else {}
-        )
+        return {}
     sequence = dict(data["sobol"])
     for key in sequence:
         if key not in ("count", "seed", "ranges"):
@@ -120,9 +121,3 @@ def _changes(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
         raise ArmDesignError(f"{path.name}: sobol.ranges", "is missing", remedy)
     ranges = by_key_path(ranges, f"{path.name}: sobol.ranges")
     return {"changes": ranges, "sobol": count, "seed": seed}
-
-
-def _flat_all(data: Mapping[str, Any], key: str, path: Path) -> list[Any]:
-    """Every table of a list by key path; others as they are, which are refused later."""
-    part = f"{path.name}: {key}"
-    return [by_key_path(one, part) if isinstance(one, dict) else one for one in data[key]]

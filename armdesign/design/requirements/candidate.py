@@ -237,10 +237,10 @@ def peak(values: Array, curve: Array) -> tuple[Array, Array]:
     return values[k] - slope / bend * (values[1] - values[0]), middle - slope**2 / bend / 2
 
 
-def thrust(new: Candidate, i: int) -> Array:
-    """Available pressure × bore area of an actuator (b,) [N, N m]."""
+def thrusts(new: Candidate, i: int) -> Array:
+    """Available pressure × bore and annulus area of an actuator (b, 2) [N, N m]."""
     pressure = new.machine.actuators[i].available_pressure(new.machine.supply)
-    return np.asarray(pressure * new.areas[:, i, 0])
+    return np.asarray(pressure * new.areas[:, i])
 
 
 def diameters(new: Candidate, i: int) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Candidate, Reference, peak, thrust
+from armdesign.design.requirements.candidate import Candidate, Reference, peak, thrusts
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import (
     Stated,
@@ -93,12 +93,12 @@ def leverage(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
         if name in requirements.digging and not stated_by_torque:
             samples = np.arange(arm.shape[1])
             largest, largest_today = (peak(samples, a)[1] for a in (arm, today[None]))
-            torque_today = float(thrust(reference.old, i)[0] * largest_today[0])
+            torque_today = float(thrusts(reference.old, i)[0, 0] * largest_today[0])
             yield Evaluation(
                 name=f"digging.{name}",
                 words=f"digging torque of the {name} cylinder",
                 unit="N m",
-                value=thrust(new, i) * largest,
+                value=thrusts(new, i)[:, 0] * largest,
                 limit=requirements.digging_share * torque_today,
                 at_least=True,
                 scale=torque_today,
@@ -182,7 +182,7 @@ def digging_forces(new: Candidate, reference: Reference) -> dict[str, Array]:
         if swept is None or not arm.joints[joint].revolute:
             continue
         where, most = peak(over(ranges[joint], reference.samples), swept[1])
-        torque = thrust(new, i) * most
+        torque = thrusts(new, i)[:, 0] * most
         known.setdefault(joint, []).append((cylinder.name, where, torque))
     for several in known.values():
         several.sort(key=lambda one: float(-one[2][0].real))

@@ -1,6 +1,7 @@
 """Performance of a machine's actuators as data sheets state it: torques, stroke times, speeds.
 
-Each over the range of its joint, at supply pressure and with all of the pump's flow.
+Each over the range of its joint, at available pressure (the supply's, or a lower relief's) and
+with all of the pump's flow.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Performance:
         joint: its index.
         q: positions of the joint over its range (k,) [rad, m].
         arm: size of the moment arm there (k,) [m/rad].
-        torque: supply pressure × area × moment arm there (2, k) [N m, N].
+        torque: available pressure × area × moment arm there (2, k) [N m, N].
         largest: largest torque over the range (2,), by a parabola.
         stroke_time: volume of the whole stroke, of a motor over the joint's range, over the pump's
             flow (2,) [s].

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Candidate, Reference, diameters, thrust
+from armdesign.design.requirements.candidate import Candidate, Reference, diameters, thrusts
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import Stated, check_word, number, shares, stated
 from armdesign.hydraulics.cylinder_build import (
@@ -31,7 +31,7 @@ class Thrust:
     """Settings: thrust.
 
     Attributes:
-        thrust_share: supply pressure × bore area of each cylinder, at most.
+        thrust_share: available pressure × bore area of each cylinder, at most.
     """
 
     thrust_share: float | Mapping[str, float] = shares("thrust_share")
@@ -70,12 +70,12 @@ def strength(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """
     requirements = reference.requirements
     for i, cylinder in enumerate(reference.today.cylinders):
-        name, today = cylinder.name, float(thrust(reference.old, i)[0])
+        name, today = cylinder.name, float(thrusts(reference.old, i)[0, 0])
         yield Evaluation(
             name=f"thrust.{name}",
             words=f"thrust of the {name} cylinder",
             unit="N",
-            value=thrust(new, i),
+            value=thrusts(new, i)[:, 0],
             limit=share_of(requirements.thrust_share, name) * today,
             scale=today,
             setting=f"thrust_share.{name}",

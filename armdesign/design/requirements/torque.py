@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.design.requirements.candidate import Candidate, Reference, peak
+from armdesign.design.requirements.candidate import Candidate, Reference, peak, thrusts
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import shares
 from armdesign.machine.file.schema import share_of
@@ -51,18 +51,12 @@ class Leverage:
 
     def torque(self, new: Candidate) -> Array:
         """Torque (b, 2, k) [N m, N] extending and retracting."""
-        return np.asarray(self._force(new)[:, :, None] * self.arm[:, None, :])
+        return np.asarray(thrusts(new, self.actuator)[:, :, None] * self.arm[:, None, :])
 
     def largest(self, new: Candidate) -> Array:
         """Largest torque over the range (b, 2) [N m, N], by a parabola."""
         most = peak(np.arange(self.arm.shape[1]), self.arm)[1]
-        return np.asarray(self._force(new) * most[:, None])
-
-    def _force(self, new: Candidate) -> Array:
-        """Force (b, 2) [N] of cap and annulus, of a motor torque [N m]."""
-        actuator = new.machine.actuators[self.actuator]
-        pressure = actuator.available_pressure(new.machine.supply)
-        return np.asarray(pressure * new.areas[:, self.actuator])
+        return np.asarray(thrusts(new, self.actuator) * most[:, None])
 
 
 def leverages(new: Candidate, reference: Reference) -> Iterator[Leverage]:
