@@ -78,8 +78,8 @@ DESCRIPTIONS = {  # what an editor shows at a key; its unit is added
     "leakage_l_per_min_per_bar": "leakage across the piston",
     "tank_leakage_l_per_min_per_bar": "leakage from each chamber to the tank",
     "stroke_time_ms": "least time of the spool from its middle to its end; default: no limit",
-    "relief_bar": "where the port reliefs open; default: 1.1 × supply pressure; the lower"
-    " of it and supply pressure is the available pressure",
+    "relief_bar": "where the port reliefs open; the lower of it and supply pressure is the"
+    " available pressure; default: 1.1 × supply pressure",
     "preload_bar": "of the chamber without load while the valve is shut and tight; default: return"
     " pressure",
     "natural_frequency_hz": "natural frequency of the spool",
