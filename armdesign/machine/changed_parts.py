@@ -29,6 +29,7 @@ def _changed_parts(machine: Machine) -> list[str]:
     section = machine.section
     moving, idle = parts.cylinders_with_linkages(section, machine.arm)
     given = {
+        "name": (machine.name, section.name),
         "fluid": (machine.fluid, parts.fluid(section.fluid)),
         "supply": (machine.supply, parts.supply(section.supply)),
         "tool": (machine.tool, parts.pin(section.tool)),

@@ -204,6 +204,7 @@ CHANGED_IN_MEMORY = {
     "cylinder": {
         "cylinders": (replace(EXCAVATOR.cylinders[0], bore=0.2), *EXCAVATOR.cylinders[1:])
     },
+    "name": {"name": "other"},
     "payload.full": {"payload": replace(EXCAVATOR.with_payload("full").payload, mass=1.0)},
 }
 
