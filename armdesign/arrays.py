@@ -87,7 +87,7 @@ def stacked(parts: Iterable[T], count: int) -> T:
         return part
     whole = {}
     for name, array in arrays.items():
-        whole[name] = np.empty((count, *array.shape[1:]), array.dtype)
+        whole[name] = np.empty_like(array, shape=(count, *array.shape[1:]))
         whole[name][:row] = array
     for part in parts:
         end = row
@@ -124,15 +124,31 @@ def congruent(turn: Array, matrix: Array) -> Array:
     return product(product(turn, matrix), np.swapaxes(turn, -1, -2))
 
 
+def positive_definite(matrices: Array) -> bool:
+    """Whether symmetric matrices (n, k, k) all are, by their pivots."""
+    rows = np.array(components_first(matrices))
+    for j in range(len(rows)):
+        if not (rows[j, j] > 0).all():
+            return False
+        rows[j + 1 :, j + 1 :] -= (rows[j + 1 :, j] / rows[j, j])[:, None] * rows[j, j + 1 :]
+    return True
+
+
 def components_first(matrices: Array) -> Array:
-    """Matrices (…, i, j) as an array (i, j, …) in one piece."""
-    poses = range(matrices.ndim - 2)
-    return np.ascontiguousarray(matrices.transpose(-2, -1, *poses))
+    """Matrices (…, i, j) as an array (i, j, …), numbers of a component side by side in memory."""
+    components = matrices.transpose(-2, -1, *range(matrices.ndim - 2))
+    side_by_side = components.strides[-1] == components.itemsize
+    return components if side_by_side else np.ascontiguousarray(components)
 
 
 def poses_first(components: Array) -> Array:
     """An array (i, j, …) as a view (…, i, j)."""
     return components.transpose(*range(2, components.ndim), 0, 1)
+
+
+def in_columns(parts: Sequence[Array]) -> Array:
+    """Arrays (n, …) as one (n, m, …), numbers of a component side by side in memory."""
+    return np.stack([part.T for part in parts], axis=parts[0].ndim - 1).T
 
 
 def side_by_side(values: Iterable[Any]) -> Array:

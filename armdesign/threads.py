@@ -10,11 +10,14 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
+from functools import cache
 from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
+
+    from threadpoolctl import ThreadpoolController
 
 Part = TypeVar("Part")
 T = TypeVar("T")
@@ -110,7 +113,13 @@ def processors() -> int:
 
 
 def _of_blas() -> int:
-    from threadpoolctl import threadpool_info
+    return max((pool["num_threads"] for pool in _pools_of_blas().info()), default=1)
 
-    pools = (pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
-    return max(pools, default=1)
+
+@cache
+def _pools_of_blas() -> ThreadpoolController:
+    """NumPy's: to look for them takes milliseconds."""
+    import numpy  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController().select(user_api="blas")

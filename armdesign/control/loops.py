@@ -140,7 +140,7 @@ class Loops(ReadOnly):
         return LoopArguments(
             self.positions,
             controller.filtered(self.omega)[:, None, None] * self.pressures,
-            self.moment_arms,
+            np.ascontiguousarray(self.moment_arms),
             np.array(controller.position, dtype=float, order="C"),
             np.array(controller.pressure, dtype=float, order="C"),
         )

@@ -21,7 +21,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdesign.arrays import Array, Flags, ReadOnly, product, read_only, side_by_side
+from armdesign.arrays import (
+    Array,
+    Flags,
+    ReadOnly,
+    in_columns,
+    positive_definite,
+    product,
+    read_only,
+    side_by_side,
+)
 from armdesign.errors import PoseError, TopplingError
 from armdesign.machine.toppling import actuator_too_soft, spring_too_soft
 from armdesign.mechanism.joint_ranges import DEAD_CENTRE
@@ -132,8 +141,8 @@ def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
     """Everything of a machine at the poses; what is impossible is inf or NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
         actuation = [drive.actuation(rigid) for drive in machine.drives]
-    moment_arms = np.stack([a.moment_arm for a in actuation], axis=1)
-    lengths = np.stack([a.length for a in actuation], axis=1)
+    moment_arms = in_columns([a.moment_arm for a in actuation])
+    lengths = in_columns([a.length for a in actuation])
     mass, gravity, gravity_stiffness = machine.loaded(rigid)
     forces = static_forces(moment_arms, gravity, machine.bore_areas, len(machine.joints))
     return Poses(
@@ -144,7 +153,7 @@ def poses_of(machine: Machine, rigid: RigidPoses) -> Poses:
         gravity_stiffness=gravity_stiffness,
         lengths=lengths,
         moment_arms=moment_arms,
-        moment_arm_derivatives=np.stack([a.moment_arm_derivative for a in actuation], axis=1),
+        moment_arm_derivatives=in_columns([a.moment_arm_derivative for a in actuation]),
         extensions=(lengths - machine.closed_lengths) / machine.strokes,
         cylinder_forces=forces,
         oil_stiffness=_oil_stiffness(machine, lengths, forces),
@@ -160,7 +169,7 @@ def _oil_stiffness(machine: Machine, lengths: Array, forces: Array) -> Array:
         actuator.stiffness(extension[:, i], forces[:, i], machine.fluid, machine.supply)
         for i, actuator in enumerate(machine.actuators)
     ]
-    return np.stack(stiffness, axis=1)
+    return in_columns(stiffness)
 
 
 def static_forces(moment_arms: Array, gravity_torque: Array, areas: Array, joints: int) -> Array:
@@ -325,14 +334,13 @@ def refuse_toppling(machine: Machine, poses: Poses) -> None:
     """
     if not machine.springs:
         return
-    try:
-        np.linalg.cholesky(poses.stiffness_matrix)
-    except np.linalg.LinAlgError:
-        factors = least_stiffness_factors(poses.stiffness_matrix, machine.spring_stiffness)
-        least = factors.min(axis=1)
-        worst = int(np.where(np.isinf(least), 0.0, least).argmax())
-        if 1 <= least[worst] < np.inf:
-            raise _toppling(machine, poses, worst, factors[worst]) from None
+    if positive_definite(poses.stiffness_matrix):
+        return
+    factors = least_stiffness_factors(poses.stiffness_matrix, machine.spring_stiffness)
+    least = factors.min(axis=1)
+    worst = int(np.where(np.isinf(least), 0.0, least).argmax())
+    if 1 <= least[worst] < np.inf:
+        raise _toppling(machine, poses, worst, factors[worst])
 
 
 def _toppling(machine: Machine, poses: Poses, row: int, factors: Array) -> TopplingError:

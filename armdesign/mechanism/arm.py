@@ -314,7 +314,8 @@ class Arm:
         joints: tuple[int, ...],
     ) -> VectorJet:
         """A point (``bound``) or a direction, with derivatives by joints on a path."""
-        first = np.zeros((len(vector), len(joints), 3), vector.dtype)
+        vector = np.asfortranarray(vector)
+        first = np.zeros((len(vector), len(joints), 3), vector.dtype, order="F")
         turns = [joint.revolute for joint in self.coordinates]
         axes = {j: s * poses.axis[:, j] for j, s in path if j in joints and (bound or turns[j])}
         for j, axis in axes.items():
@@ -322,7 +323,7 @@ class Arm:
             first[:, joints.index(j)] = cross(axis, lever) if turns[j] else axis
 
         def second() -> Array:
-            both = np.zeros((*first.shape[:2], *first.shape[1:]), vector.dtype)
+            both = np.zeros((*first.shape[:2], *first.shape[1:]), vector.dtype, order="F")
             for j, further in pairs(axes, 2):
                 a, b = map(joints.index, (j, further))
                 both[:, a, b] = both[:, b, a] = cross(axes[j], first[:, b]) if turns[j] else 0.0

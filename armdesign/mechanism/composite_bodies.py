@@ -142,5 +142,5 @@ def _components_first(values: Array) -> Array:
 
 
 def pose_by_pose(components: Array) -> Array:
-    """Components (k, …, n) as an array (n, k, …) in one piece."""
-    return np.ascontiguousarray(np.moveaxis(components, -1, 0))
+    """Components (k, …, n) as a view (n, k, …)."""
+    return np.moveaxis(components, -1, 0)

@@ -52,7 +52,7 @@ def test_a_load_in_a_link_is_a_point_that_all_joints_before_it_move(name: str) -
         for mass in (800.0, np.array([1.0, 0.0, 300.0, 800.0, 2.0])):
             for actual, unit in zip(of_carried(arm, poses, link, at, mass), terms, strict=True):
                 expected = np.reshape(mass, (-1, *[1] * (unit.ndim - 1))) * unit
-                assert actual.flags.c_contiguous
+                assert np.moveaxis(actual, 0, -1).flags.c_contiguous  # by component
                 assert_allclose(actual, expected, rtol=0, atol=1e-12 * 800 * np.abs(unit).max())
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from armdesign.arrays import Array, Flags, side_by_side
 from armdesign.errors import MachineFileError
 from armdesign.mechanism.arm import Arm
-from armdesign.mechanism.jets import Jet, ScalarJet, VectorJet
+from armdesign.mechanism.jets import Jet, ScalarJet, VectorJet, dot
 from armdesign.mechanism.rigid_poses import RigidPoses
 
 Move: TypeAlias = tuple[str, int]  # a place and which of its coordinates
@@ -221,7 +221,7 @@ class Linkage(Drive):
         few, back = self._distinct(poses)
         end = self.rod_end_from(few, self.observer, ())
         span = (end - self._motion(few, self.base, self.observer, ())).value
-        return np.asarray(np.sqrt(np.einsum("ni,ni->n", span, span))[back])
+        return np.asarray(np.sqrt(dot(span, span))[back])
 
     def idle_length(self) -> float:
         """Length [m] of a cylinder that no joint moves; NaN where the linkage does not close."""
@@ -320,12 +320,12 @@ class Linkage(Drive):
     def _scatter(self, jet: ScalarJet, back: Array | slice) -> Actuation:
         """From the linkage's joints to all coordinates of the arm, and ``back`` to all poses."""
         length, k = jet.value[back], len(self.arm.coordinates)
-        moment_arm = np.zeros((len(length), k), length.dtype)
+        moment_arm = np.zeros((len(length), k), length.dtype, order="F")
         for a, joint in enumerate(self.joints):
             moment_arm[:, joint] = jet.first[back, a]
 
         def derivative() -> Array:
-            whole = np.zeros((len(length), k, k), length.dtype)
+            whole = np.zeros((len(length), k, k), length.dtype, order="F")
             for a, joint in enumerate(self.joints):
                 for b, other in enumerate(self.joints):
                     whole[:, joint, other] = jet.second[back, a, b]
