@@ -86,7 +86,7 @@ class Predictor:
             ArmDesignError: poses that the machine cannot take.
         """
         measured, rigid = self.measured, self.rigid
-        if _geometry(machine) != _geometry(self.machine):
+        if not _pose_alike(machine, self.machine):
             rigid = Predictor(machine, measured).rigid
         frequencies = np.zeros(len(measured))
         loads = np.zeros((len(measured), len(machine.actuators)))
@@ -100,10 +100,11 @@ class Predictor:
         return Prediction(frequencies, loads)
 
 
-def _geometry(machine: Machine) -> tuple[object, ...]:
-    """Numbers beside the measurements from which poses follow."""
-    ends = tuple((one.closed_length, one.stroke) for one in machine.cylinders)
-    return machine.linkages, ends, [spring.at for spring in machine.springs]
+def _pose_alike(machine: Machine, other: Machine) -> bool:
+    """Whether two machines have the same poses by the measurements, and bare links there."""
+    ends, others = ([(c.closed_length, c.stroke) for c in m.cylinders] for m in (machine, other))
+    same = machine.linkages == other.linkages and ends == others
+    return same and machine.arm.moves_like(other.arm)
 
 
 def measured_loads(machine: Machine, measured: Measured) -> Array:

@@ -11,6 +11,8 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
+from armdesign.machine import template
+from armdesign.machine.changes import changed_machine
 from tests.calibration.synthetic import BETA, crane, measurements, poses
 from tests.commands import main
 
@@ -62,6 +64,40 @@ def test_numbers_of_a_list_are_found_and_written(tmp_path: Path) -> None:
     assert re.search(r"at_mm = .*was.*number 0 fitted ± .*, number 2 fitted ± ", text)
     assert ad.load(tmp_path / "crane.toml").with_payload("full").payload.at == pytest.approx(
         [2.3, 0.0, 0.3], abs=1e-4
+    )
+
+
+def lifter() -> ad.Machine:
+    """Two joints, ``[links]``."""
+    text = template.new("lifter", links=2)
+    return ad.Machine.from_text(text, "", Path("lifter.toml"))
+
+
+@pytest.mark.parametrize(
+    ("fit", "truth"),
+    [
+        (("links.boom.mass_kg",), (420.0,)),
+        (("links.boom.length_mm", BETA), (2950.0, 1150.0)),
+        (("links.stick.mass_kg", "cylinder.boom.rod_end.at_mm.0"), (200.0, 1352.0)),
+    ],
+)
+def test_numbers_of_links_are_found(fit: tuple[str, ...], truth: tuple[float, ...]) -> None:
+    """Frequencies of the calibrated machine are those measured, and those that are shown."""
+    machine = lifter()
+    true = changed_machine(machine, dict(zip(fit, truth, strict=True)))
+    low, high = machine.ranges.T
+    shares = np.random.default_rng(0).uniform(0.2, 0.8, (8, 2))
+    rows = []
+    for n, q in enumerate(low + shares * (high - low)):
+        frequencies = ad.natural_modes(true.at(q)).frequencies[0]
+        named = {f"{j}_deg": math.degrees(x) for j, x in zip(machine.joints, q, strict=True)}
+        mode = n % 2
+        known = {"mode": mode + 1, "frequency_hz": frequencies[mode], "deviation_hz": 1e-3}
+        rows.append({"payload": machine.payload.name, **named, **known})
+    found = ad.calibrate(machine, pd.DataFrame(rows), list(fit))
+    assert found.values.loc[list(fit), "value"].to_numpy() == pytest.approx(truth, rel=1e-4)
+    assert found.frame["calibrated_hz"].to_numpy() == pytest.approx(
+        [row["frequency_hz"] for row in rows], rel=1e-4
     )
 
 
