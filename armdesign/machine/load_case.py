@@ -22,7 +22,8 @@ class LoadCase:
     """A point mass [kg] at a point ``at`` [m] of a link.
 
     ``pitch`` [rad] limits the poses at which the link holds it: the case exists at them alone.
-    Which poses these are, and what ends them, is asked of ``limits`` and the methods alone.
+    Which poses these are, and what ends them, is asked of ``limits`` and the methods alone. One
+    that is not in the file sits where the file's case of the name ``like`` does.
     """
 
     name: str
@@ -30,6 +31,12 @@ class LoadCase:
     link: str | None = None
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pitch: tuple[float, float] | None = None
+    like: str = ""
+
+    def with_mass(self, mass: float) -> LoadCase:
+        """Another mass [kg] in its place; no mass cannot fall out, so that it is at every pose."""
+        pitch, like = self.pitch if mass else None, self.like or self.name
+        return dataclasses.replace(self, name=f"{mass:g} kg", mass=mass, pitch=pitch, like=like)
 
     @property
     def limits(self) -> tuple[float, ...]:
@@ -39,7 +46,7 @@ class LoadCase:
     @property
     def limit_location(self) -> tuple[str, str, str]:
         """Where the machine file gives the limits."""
-        return "payload", self.name, "pitch_deg"
+        return "payload", self.like or self.name, "pitch_deg"
 
     def limited_angle(self, arm: Arm, rigid: RigidPoses) -> Array:
         """Angle of which limits end the poses of the load case: pitch of its link (n,) [rad]."""
@@ -97,6 +104,17 @@ def case_named(name: str, cases: Iterable[LoadCase], machine: str) -> LoadCase:
     return named[name]
 
 
+def place_of(case: LoadCase, of_file: Iterable[LoadCase]) -> LoadCase:
+    """The file's load case whose place one has that is not in the file; else the case itself."""
+    return next((one for one in of_file if one.name == case.like), case)
+
+
+def placed_again(case: LoadCase, of_file: Iterable[LoadCase]) -> LoadCase:
+    """A load case that is not in the file, where the file now has its place."""
+    place = place_of(case, of_file)
+    return case if place is case else place.with_mass(case.mass)
+
+
 def case_of_mass(mass: float, cases: Iterable[LoadCase], machine: str) -> LoadCase:
     """A load case of a mass [kg], placed as the first of some cases that has a place.
 
@@ -119,5 +137,4 @@ def case_of_mass(mass: float, cases: Iterable[LoadCase], machine: str) -> LoadCa
     if placed is None and mass > 0:
         fault = "no load case says where a mass sits"
         raise ArmDesignError(part, fault, "add link and at_mm to one")
-    case = dataclasses.replace(placed or first, name=f"{mass:g} kg", mass=mass)
-    return case if mass else dataclasses.replace(case, pitch=None)
+    return (placed or first).with_mass(mass)

@@ -30,7 +30,7 @@ from armdesign.machine.file.schema import MachineSection
 from armdesign.machine.file.toml_reading import KeyLines, lines_of
 from armdesign.machine.heading import Heading, heading_of
 from armdesign.machine.links import urdf_of
-from armdesign.machine.load_case import LoadCase, case_named, case_of_mass
+from armdesign.machine.load_case import LoadCase, case_named, case_of_mass, place_of, placed_again
 from armdesign.machine.poses import Poses, joint_positions, poses_of, reachable_poses
 from armdesign.mechanism.arm import Arm, LoadedArm
 from armdesign.mechanism.joint_ranges import joint_ranges
@@ -195,12 +195,14 @@ class Machine:
     def with_payload(self, payload: str | float) -> Machine:
         """The machine under another load case, by its name, or with another mass [kg].
 
-        A mass sits where the case at work has its own, else the first that has one, and is held in
-        its pitch range, 0 kg at any. Maps and designs count it beside the file's, which stays.
+        A mass sits where the case at work has its own, else the first that has one, as the file
+        has it then, and is held in its pitch range, 0 kg at any. Maps and designs count it beside
+        the file's, which stays; ``save`` does not write it.
         """
         if isinstance(payload, str):
             return replace(self, payload=case_named(payload, self.payloads, self.name))
-        case = case_of_mass(payload, (self.payload, *self.payloads), self.name)
+        at_work = place_of(self.payload, self._cases_of_file)
+        case = case_of_mass(payload, (at_work, *self.payloads), self.name)
         return replace(self, payload=case, payloads=(*self._cases_of_file, case))
 
     def plot(self, q: ArrayLike | None = None, ax: Axes | None = None) -> Axes:
@@ -224,10 +226,10 @@ class Machine:
         Parts of the other that its file has not would be lost: they are refused.
         """
         refuse_changed_parts(other)
-        of_file = other.section.payload
+        of_file, cases = other.section.payload, self._cases_of_file
         left_out = of_file.keys() - {case.name for case in other.payloads}
-        kept = (case for case in self._cases_of_file if case.name not in left_out)
-        own = (case for case in other.payloads if case.name not in of_file)
+        kept = (case for case in cases if case.name not in left_out)
+        own = (placed_again(case, cases) for case in other.payloads if case.name not in of_file)
         return replace(self, payloads=(*kept, *own)).with_payload(other.payload.name)
 
     def replace(self, changes: Mapping[str, Any]) -> Machine:

@@ -51,6 +51,39 @@ def test_variants_keep_it_and_another_mass_takes_its_place(loaded: ad.Machine) -
     assert loaded.with_payload("full").payload.mass == 1600  # the file's
 
 
+PLACES = {
+    "at": {"payload.full.at_mm": [300, 0, 200]},
+    "link": {"payload.full.link": "stick"},
+    "pitch": {"payload.full.pitch_deg": [90, 200]},
+}
+
+
+@pytest.mark.parametrize("change", PLACES.values(), ids=PLACES)
+def test_its_place_follows_the_files(loaded: ad.Machine, change: dict[str, object]) -> None:
+    """The load first and then the place is the place first and then the load."""
+    other = machines.named("excavator_20t").replace(change).with_payload("full")
+    assert loaded.replace(change).payload == other.with_payload(2500).payload
+    assert loaded.replace(change).with_payload(0.0).payload == other.with_payload(0.0).payload
+    look = ad.what_if(loaded, change, points=3, bandwidth=False)
+    assert look.after.machine.payload == other.with_payload(2500).payload
+
+
+def test_a_mass_after_none_is_held_in_its_range_again(loaded: ad.Machine) -> None:
+    assert loaded.with_payload(0.0).with_payload(2500).payload == loaded.payload
+
+
+def test_slopes_by_its_place_are_those_of_the_case_of_the_file(loaded: ad.Machine) -> None:
+    """The file's full bucket with this mass in its text; frequencies at the same pose."""
+    of_file = machines.named("excavator_20t").replace({"payload.full.mass_kg": 2500})
+    keys = [f"payload.full.{key}" for key in ("at_mm.0", "at_mm.2", "pitch_deg.1")]
+    found = []
+    for machine in (loaded, of_file.with_payload("full")):
+        frame = ad.sensitivity(machine, ad.Workspace.grid(machine, points=4)).frame
+        found.append(frame.set_index("key").loc[keys, "hz_per_unit"].to_numpy(float))
+    assert np.abs(found[0]).min() > 1e-6
+    assert_allclose(*found, rtol=1e-6)
+
+
 @pytest.mark.slow
 def test_a_design_is_made_for_it(loaded: ad.Machine) -> None:
     design = ad.size_cylinders(loaded, ad.Workspace.grid(loaded, points=7))
