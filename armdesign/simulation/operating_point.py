@@ -20,7 +20,13 @@ from armdesign.errors import SimulationError, choose
 from armdesign.machine.poses import Poses, pose_text, static_forces
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.simulation.plant import slopes
-from armdesign.simulation.plant.equilibrium import closed_pressures, refuse_overcome, rest_states
+from armdesign.simulation.plant.equilibrium import (
+    PortLaw,
+    closed_pressures,
+    holding,
+    refuse_overcome,
+    rest_states,
+)
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.steady_flow import (
     LOWEST,
@@ -196,13 +202,14 @@ class _Steady:
         )
         opening = np.nan_to_num(motion.opening)
         self._driven = (opening != 0) & (leaks | (np.abs(opening) > rows["overlap"]))
-        self._closed = ~leaks & ~self._driven & (wanted == 0)
+        untold = ~self._driven & (wanted == 0)
+        self._closed = untold & (~leaks | (preloaded is False))
+        self._held = untold & ~self._closed
         self._opening, self._wanted = opening, wanted
         beyond = self._demand() > (float(self._system["flow"]) if plant.has_line else np.inf)
-        self._driven, self._closed = (
-            self._driven & ~beyond[:, None],
-            self._closed | beyond[:, None],
-        )
+        possible = ~beyond[:, None]
+        self._driven, self._held = self._driven & possible, self._held & possible
+        self._closed |= beyond[:, None]
         velocity, settled = self._settle(motion.velocity)
         self._excess = self._supply_excess(self._line)[0]
         limit = EXACT_FLOW * max(float(self._system["flow"]), 1e-9)
@@ -223,12 +230,14 @@ class _Steady:
         friction = self._actuators["count"] * self._actuators["viscous"]
         q, nq = plant.machine.arm.with_springs(poses.q), len(plant.machine.joints)
         speeds, rates = np.zeros_like(q), np.where(self._driven, 0.0, self._wanted)
+        self._line = self._full = np.full((len(q), 1), float(self._system["pressure"]))
         settled = np.ones(len(q), dtype=bool)
         for _ in range(ROUNDS):
             speeds[:, :nq] = velocity
             resistance = plant.rigid_bodies.resistance(q, speeds)
             load = static_forces(self._arms, resistance, plant.machine.bore_areas, nq)
             self._force = load + friction * rates
+            self._near = self._holding(self._line)
             self._line = self._supply()
             self._flow = self._flow_at(self._line)
             if not self._driven.any():
@@ -244,10 +253,9 @@ class _Steady:
 
     def _supply(self) -> Array:
         """Pressure of the supply (n, 1) [Pa], at which a limited pump gives what is taken."""
-        full = np.full((len(self._poses), 1), float(self._system["pressure"]))
         if not self._plant.has_line:
-            return full
-        return falling_root(self._supply_excess, np.full_like(full, LOWEST), full)
+            return self._full
+        return falling_root(self._supply_excess, np.full_like(self._full, LOWEST), self._full)
 
     def _supply_excess(self, line: Array) -> tuple[Array, Array]:
         """Flow of a limited pump beyond what is taken (n, 1) [m³/s], and its slope."""
@@ -265,11 +273,22 @@ class _Steady:
         if np.all(self._driven | self._closed):
             return under_spool(*data, load, self._opening)
         others = load._replace(closed=self._closed | self._driven)
-        moved = at_speed(*data, others, self._wanted)
+        moved = at_speed(*data, others, self._wanted, self._near)
         if not self._driven.any():
             return moved
         flow = under_spool(*data, load, np.where(self._driven, self._opening, moved.spool))
         return flow._replace(balanced=flow.balanced & (self._driven | moved.balanced))
+
+    def _holding(self, line: Array) -> Array:
+        """Spools (n, nc) of valves that leak and hold loads as at rest; NaN of others."""
+        spools, machine = np.full(self._held.shape, np.nan), self._plant.machine
+        for row, i in np.argwhere(self._held):
+            law = PortLaw(self._actuators[i], self._system, float(line[row, 0]))
+            load = machine.supply, float(self._force[row, i]), self._preloaded
+            hold = holding(machine.actuators[i], *load, law)
+            if not (hold.overcome or hold.creeps):
+                spools[row, i] = hold.spool
+        return spools
 
     def _states(self, velocity: Array) -> Array:
         """States of the plant (n, size)."""

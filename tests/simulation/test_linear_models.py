@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import armdesign as ad
 from armdesign import Machine
 from armdesign.errors import PoseError, SimulationError
+from armdesign.machine import template
 from tests import machines, sprung
 from tests.simulation import differences
 from tests.simulation import valves as helpers
@@ -187,6 +189,24 @@ def test_what_is_not_told_to_move_holds(excavator: Machine) -> None:
         speeds = moving.equilibrium[moving.state_groups["speeds"]]
         np.testing.assert_allclose(speeds[:2], 0, atol=1e-9)
         assert abs(speeds[2]) > 0.01
+
+
+@pytest.mark.parametrize("pump", ["ideal", "flow_limited"])
+def test_what_leaks_and_is_not_told_to_move_holds_as_at_rest(pump: str) -> None:
+    """A lapped valve of which the piston leaks has two positions at which nothing moves."""
+    lifter = Machine.from_text(template.new("lifter", links=2), "", Path("lifter.toml"))
+    leaking = {"cylinder.stick.valve.leakage_l_per_min_per_bar": 2e-4, "supply.pump": pump}
+    machine, moved = lifter.replace(leaking).with_payload("full"), {"boom": 0.02}
+    poses = np.array([[0.3, -2.163], [0.003, -1.658], [-0.238, -1.837], [-0.289, -1.379]])
+    models = ad.linear_models(machine, poses, opening=moved)
+    rest = ad.linear_models(machine, poses)
+    groups = models[0].state_groups
+    stick = [groups[f"{side} pressures"].start + 1 for side in ("cap", "annulus")]
+    for pose, model, still in zip(poses, models, rest, strict=True):
+        np.testing.assert_allclose(model.equilibrium[stick], still.equilibrium[stick], rtol=0.02)
+        assert abs(model.equilibrium[groups["speeds"]][0]) > 1e-3
+        alone = ad.linearize(machine, pose, opening=moved)
+        np.testing.assert_allclose(alone.equilibrium, model.equilibrium, rtol=1e-7, atol=1e-12)
 
 
 @pytest.mark.parametrize(

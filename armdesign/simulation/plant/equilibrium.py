@@ -10,7 +10,8 @@ supply's. At each point the oil that a chamber gains rises with the spool on its
 gains nothing at one position, or within an interval where its edges are closed or have no pressure
 drop, or nowhere in reach. The load stands where cap and annulus have a position in common: at an
 end of the line, or where the position of one passes the position of the other. (Where they only
-touch, as at p1 = p2 under leakage across the piston alone, it is found as a line without length.)
+touch, as at p1 = p2 under leakage across the piston alone, counts where they pass nowhere: it is
+found as a line without length.)
 The law is ``hydraulics.port``: edges, leakage, reliefs and load-holding valves are all in it.
 """
 
@@ -51,7 +52,9 @@ class PortLaw(NamedTuple):
 
 @compiled
 def balance(law: PortLaw, low: Array, high: Array) -> tuple[float, float, float, bool]:
-    """The balance of lowest pressures: cap and annulus [Pa], spool, and whether there is one.
+    """The balance of lowest pressures at which the positions of cap and annulus pass each other.
+
+    Pressures of cap and annulus [Pa], spool, and whether there is such a balance.
 
     Args:
         law: of the ports.

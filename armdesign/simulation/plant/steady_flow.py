@@ -26,6 +26,7 @@ ROUNDS = 80
 EXACT = 1e-12  # of the interval in which a root is sought
 NEGLIGIBLE = 1e-8  # of what an edge of rated size passes under a bar
 LOWEST = VAPOUR_PRESSURE + 10 * VAPOUR_WIDTH  # below, vapour fills a chamber
+FACTOR = 1e3  # by which openings may differ that hold a load under one supply and another
 HIGHEST = 3.0  # pressures that are looked at, over the larger of supply and relief
 
 
@@ -87,15 +88,24 @@ def under_spool(actuators: Records, system: Record, load: Load, spool: Array) ->
     )
 
 
-def at_speed(actuators: Records, system: Record, load: Load, speed: Array) -> SteadyFlow:
+def at_speed(
+    actuators: Records, system: Record, load: Load, speed: Array, near: Array | float = np.nan
+) -> SteadyFlow:
     """Steady motion at speeds of the pistons (n, nc) [m/s]; slopes by the supply are at the speed.
 
-    Where no spool position in reach gives the speed it is not ``balanced``.
+    Where no spool position in reach gives the speed it is not ``balanced``. A lapped valve of
+    which the piston leaks may have two at rest, one of them within its lap: then the one that
+    counts is ``near`` some position (n, nc), under another supply; NaN elsewhere.
     """
     dead = np.maximum(actuators["overlap"], 0.0)
     one_way = (actuators["overlap"] >= 0) & ~load.closed
     low = np.where(load.closed, 0.0, np.where((speed > 0) & one_way, dead, -1.0))
     high = np.where(load.closed, 0.0, np.where((speed < 0) & one_way, -dead, 1.0))
+    known = one_way & np.isfinite(near)
+    low, high = (
+        np.where(known, one, two)
+        for one, two in zip(_around(np.asarray(near), dead), (low, high), strict=True)
+    )
 
     def excess(spool: Array) -> tuple[Array, Array]:
         flow = under_spool(actuators, system, load, spool)
@@ -109,6 +119,14 @@ def at_speed(actuators: Records, system: Record, load: Load, speed: Array) -> St
         balanced=flow.balanced & (np.abs(flow.speed - speed) < limit),
         supplied_by_supply=flow.supplied_by_supply + flow.supplied_by_spool * opens,
     )
+
+
+def _around(near: Array, dead: Array) -> tuple[Array, Array]:
+    """The positions beside some (n, nc) that are as much open but for a factor, or as they are."""
+    opened = np.maximum(np.abs(near) - dead, 0.0)
+    ends = np.minimum(dead + opened / FACTOR, 1.0), np.minimum(dead + opened * FACTOR, 1.0)
+    less, more = (np.where(opened > 0, np.sign(near) * end, near) for end in ends)
+    return np.minimum(less, more), np.maximum(less, more)
 
 
 class _Line:
