@@ -67,7 +67,9 @@ class BandwidthMap(ReadOnly):
             ``<scheme>_tracking_s``: error of a constant-speed move over the speed, without
             feed-forward. Of ``own`` also ``own_critical``: factor on its gains at which the loops
             become unstable, and without a delay ``own_damping``: ratio of the least damped mode
-            with the loops closed. All 0 where no controller works.
+            with the loops closed. All 0 where no controller works. ``f1_hz`` and ``rule_hz`` are
+            as in a frequency map; all else is of the pressures at rest, which are other ones
+            where valves leak: with air in the oil that mode may be another, too.
         gains: one row for each row of ``frame``: ``<scheme>_<joint>_gain_per_s``,
             ``<scheme>_<actuator>_pressure_gain_m_per_s_bar`` and ``corner_rad_per_s``.
         machine: the machine.

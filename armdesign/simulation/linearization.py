@@ -127,7 +127,7 @@ def linear_models(
 
     Args:
         machine: the machine.
-        q: joint positions (n, nq) [rad, m], or the bare links there.
+        q: joint positions (n, nq) [rad, m], or this machine's bare links there.
         opening: spool positions −1…1 under which it moves steadily: by the actuators' names, or
             for all of them in order, (nc,) or (n, nc). Those that are not named, and 0, hold
             their load. None: rest.

@@ -42,7 +42,7 @@ class Ring(ReadOnly):
         begin: first instant of the window [s].
         end: its last instant [s].
         fit: modes there of the speeds of joints, then springs, but of those that friction holds.
-        linear_frequencies: on trapped oil, at the mean pose of the window, ascending [Hz].
+        linear_frequencies: on trapped oil, as a map has them, at the mean pose of the window [Hz].
         cavitated: chambers that ran empty in the window, and when, in words. Vapour is no spring:
             such a ring is lower than the linear answer, the more the larger the swing.
     """
