@@ -82,7 +82,7 @@ def of_bar(ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array) ->
         sum(h[:, :, None] * h[:, None] for h, _ in pairs) / 6,
         sum(d[..., None] * h[:, None, None] for h, d in pairs) / 6,
         sum(d @ np.swapaxes(d, 1, 2) for _, d in pairs) / 6,
-        (ends[0].second + ends[1].second) / 2 @ rotation[:, None],
+        np.ascontiguousarray(ends[0].second + ends[1].second) / 2 @ rotation[:, None],
     )
 
 
@@ -98,9 +98,10 @@ def _seen(
     ends: tuple[VectorJet, VectorJet], rotation: Array, origin: Array
 ) -> tuple[list[Any], list[Any]]:
     """Ends of a bar in the frame of a link: h (m, 4) and ∂p/∂q_a (m, a, 3) of each."""
-    places = [((end.value - origin)[:, None] @ rotation)[:, 0] for end in ends]
-    places = [np.concatenate([np.ones((len(at), 1)), at], axis=1) for at in places]
-    return places, [end.first @ rotation for end in ends]
+    # pose after pose in memory: else products add up in another order for one pose than for more
+    places = [np.ascontiguousarray(end.value - origin)[:, None] @ rotation for end in ends]
+    places = [np.concatenate([np.ones((len(at), 1)), at[:, 0]], axis=1) for at in places]
+    return places, [np.ascontiguousarray(end.first) @ rotation for end in ends]
 
 
 def weighed(masses: Array, units: Sequence[M]) -> M:
@@ -172,7 +173,7 @@ def inertia_and_gravity(
     flat = moments.velocity.reshape(*front, len(inner), 12)
     # what each joint moves Σ m p by, and how outer joints turn the vertical
     lifted, swept = whole[..., ::4], moments.velocity[..., 0]
-    turning = cross(down[:, None], _spins(carried))
+    turning = np.ascontiguousarray(cross(down[:, None], _spins(carried)))
     between = np.triu(turning @ np.swapaxes(lifted, -1, -2))  # the nearer to the root turns
     k = len(arm.coordinates)
     mass, gravity, slope = (np.zeros((*front, *rank * (k,)), moved.dtype) for rank in (2, 1, 2))

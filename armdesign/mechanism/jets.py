@@ -140,8 +140,8 @@ def cross(a: Array, b: Array, axis: int = -1) -> Array:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Scalar product over the last axis."""
+    """Scalar product over the last axis, x and z first: most arms lie in their plane."""
     product = a[..., 0] * b[..., 0]
-    product += a[..., 1] * b[..., 1]
     product += a[..., 2] * b[..., 2]
+    product += a[..., 1] * b[..., 1]
     return product
