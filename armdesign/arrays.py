@@ -137,8 +137,9 @@ def positive_definite(matrices: Array) -> bool:
 def components_first(matrices: Array) -> Array:
     """Matrices (…, i, j) as an array (i, j, …), numbers of a component side by side in memory."""
     components = matrices.transpose(-2, -1, *range(matrices.ndim - 2))
-    side_by_side = components.strides[-1] == components.itemsize
-    return components if side_by_side else np.ascontiguousarray(components)
+    if components.strides[-1] == components.itemsize:
+        return components
+    return np.ascontiguousarray(components)
 
 
 def poses_first(components: Array) -> Array:

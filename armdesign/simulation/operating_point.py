@@ -210,6 +210,7 @@ class _Steady:
         possible = ~beyond[:, None]
         self._driven, self._held = self._driven & possible, self._held & possible
         self._closed |= beyond[:, None]
+        self._line = self._full = np.full((len(poses), 1), float(self._system["pressure"]))
         velocity, settled = self._settle(motion.velocity)
         self._excess = self._supply_excess(self._line)[0]
         limit = EXACT_FLOW * max(float(self._system["flow"]), 1e-9)
@@ -230,7 +231,6 @@ class _Steady:
         friction = self._actuators["count"] * self._actuators["viscous"]
         q, nq = plant.machine.arm.with_springs(poses.q), len(plant.machine.joints)
         speeds, rates = np.zeros_like(q), np.where(self._driven, 0.0, self._wanted)
-        self._line = self._full = np.full((len(q), 1), float(self._system["pressure"]))
         settled = np.ones(len(q), dtype=bool)
         for _ in range(ROUNDS):
             speeds[:, :nq] = velocity

@@ -14,7 +14,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import MachineFileError
-from armdesign.mechanism.jets import ScalarJet, VectorJet
+from armdesign.mechanism.jets import ScalarJet, VectorJet, dot
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.rigid_poses import RigidPoses
 
@@ -86,7 +86,7 @@ class FourBar(Linkage):
     def closure(self, poses: RigidPoses) -> Array:
         """Squared sine of the angle at the knee (n,), y² e²/(ab)² with e = u·u."""
         a, b, u = self.rocker, self.coupler, self._pivot_to_lug(poses)
-        e = np.einsum("ni,ni->n", u, u)
+        e = dot(u, u)
         x = 0.5 + (a**2 - b**2) / (2 * e)
         return np.asarray((a**2 / e - x**2) * (e / (a * b)) ** 2)
 
@@ -96,7 +96,7 @@ class FourBar(Linkage):
         cos = (a² + b² − e)/(2ab) with e = u·u.
         """
         a, b, u = self.rocker, self.coupler, self._pivot_to_lug(poses)
-        return np.asarray((a**2 + b**2 - np.einsum("ni,ni->n", u, u)) / (2 * a * b))
+        return np.asarray((a**2 + b**2 - dot(u, u)) / (2 * a * b))
 
     def fault(self, where: str) -> MachineFileError | None:
         """A pivot and lug that no revolute joint about the pivot link's y axis turns."""
@@ -130,4 +130,4 @@ class FourBar(Linkage):
         """The vector from pivot to lug in the plane of the four-bar (n, 3) [m]."""
         u = self.point(poses, self.lug) - self.point(poses, self.pivot)
         normal = self.arm.link_rotation(poses, self.pivot.link)[:, :, 1]
-        return np.asarray(u - np.einsum("ni,ni->n", u, normal)[:, None] * normal)
+        return np.asarray(u - dot(u, normal)[:, None] * normal)
