@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -41,9 +41,9 @@ def joint_ranges(
     """
     ranges = arm.limits.copy()
     for j in range(len(arm.joints)):
-        pairs = [pair for pair in zip(linkages, cylinders, strict=True) if pair[0].joints == (j,)]
-        if pairs:
-            ranges[j] = _JointRange(arm, j, pairs, end_margin, source).ends()
+        pairs = (pair for pair in zip(linkages, cylinders, strict=True) if pair[0].joints == (j,))
+        if of_joint := tuple(pairs):
+            ranges[j] = _ends(arm, j, of_joint, end_margin, source)
     ranges.setflags(write=False)
     return ranges
 
@@ -80,13 +80,24 @@ def never_within(lengths: Array, cylinder: Cylinder, end_margin: float) -> tuple
     return fault + kept, f"{remedy} or end_margin"
 
 
+@lru_cache(maxsize=64)
+def _ends(
+    arm: Arm, joint: int, pairs: tuple[Pair, ...], end_margin: float, source: str
+) -> tuple[float, float]:
+    """Both ends of the range of a joint that some cylinders move, kept for its next machines.
+
+    Load cases and designs of a machine share its arm, and most of them these cylinders and pins.
+    """
+    return _JointRange(arm, joint, pairs, end_margin, source).ends()
+
+
 @dataclass(frozen=True, eq=False)
 class _JointRange:
     """Search for the range of one joint, which some cylinders move."""
 
     arm: Arm
     joint: int
-    pairs: list[Pair]
+    pairs: tuple[Pair, ...]
     end_margin: float
     source: str
 
