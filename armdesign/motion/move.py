@@ -39,7 +39,7 @@ class Move(ReadOnly):
         frequencies: natural, at the end with the oil that is then in the chambers [Hz], all modes.
         empty: chambers that vapour fills at the end, as gravity empties them and valves stay shut.
         share: of the pump's flow and of the force that pressures leave, that is used.
-        shortest: duration without a shaper that flow and pressures allow [s].
+        shortest: duration that flow and pressures allow, without the shaper's delay [s].
         duration: planned, without the shaper's delay [s].
         lead: before planned motion begins, in which slow spools open [s].
         planned: joints over time, shaped.

@@ -31,7 +31,7 @@ from armdesign.motion.outcome import MoveRun, move_run, ring_time
 from armdesign.motion.shapers import Shaper
 from armdesign.motion.shaping import shaper_for
 from armdesign.motion.spilling import refuse_spilling
-from armdesign.motion.trajectory import Leg, fastest_leg, trajectory
+from armdesign.motion.trajectory import Leg, fastest_leg, trajectory, within_flow
 from armdesign.motion.way import WayModes, way_modes
 from armdesign.simulation.plant.equilibrium import refuse_overcome
 from armdesign.simulation.plant.plant import Plant
@@ -42,7 +42,7 @@ from armdesign.units import l_per_min, mm
 # Shares of flow and force that a plan uses: the arm rings about it. The next where chambers jolt.
 SHARES = (0.7, 0.5, 0.35)
 SLOWEST, PATIENT = 30.0, 60.0  # times the shortest duration, or [s]: beyond both nothing rings
-ROUNDING = 1e-6  # of a duration that is the shortest, as printed
+ROUNDING = 5e-3  # of a duration that is the shortest, as printed with three digits
 TOLERANCE = 1e-6  # of the runs
 
 
@@ -126,16 +126,19 @@ def plan_move(
 
     def planned(share: float) -> Move:
         fastest = [fastest_leg(model, *pair, share) for pair in pairwise(poses)]
-        legs = fastest if duration is None else _within(model, fastest, duration, share)
-        way = way_modes(model, legs)
+        if duration is not None:
+            _refuse_longer(model, fastest, duration)
+        way = way_modes(model, _lasting(fastest, duration))
         shaper, paces = options["shaper"], None
         if isinstance(shaper, str):
             modes, damping = options["modes"], options["damping"]
             shaper, paces = shaper_for(shaper, way, masses, modes, damping)
-        move = _move(way, poses, shaper, paces, share)
-        shortest = sum(leg.law.duration for leg in fastest)
-        runs = _runs(move, masses, settled)
-        return replace(move, shortest=shortest, tolerance=settled, runs=runs)
+        fastest = within_flow(fastest, shaper, paces)
+        if duration is not None:
+            _refuse_shorter(model, fastest, duration, share)
+        way = way._replace(legs=_lasting(fastest, duration))
+        move = replace(_move(way, poses, shaper, paces, share), shortest=_duration(fastest))
+        return replace(move, tolerance=settled, runs=_runs(move, masses, settled))
 
     return _calmest(planned, shares)
 
@@ -155,6 +158,7 @@ def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> Non
     """Refuse a share and options out of their range, with the nearest value that works."""
     spread, settled, modes = options["spread"], options["settled"], options["modes"]
     damping = 0.0 if options["damping"] is None else options["damping"]
+    duration = math.inf if options["duration"] is None else options["duration"]
     near_share, near_spread = (1 if share > 1 else 0.01), (0.9 if spread >= 1 else 0)
     for name, value, inside, allowed, remedy in (
         (
@@ -167,6 +171,7 @@ def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> Non
         ("spread", spread, 0 <= spread < 1, "[0, 1)", f"{near_spread}, as --spread {near_spread}"),
         ("damping", damping, 0 <= damping < 1, "[0, 1)", "0.02, as --damping 0.02"),
         ("settled", settled, 0 < settled < math.inf, "(0, inf) m", "a distance, as settled=0.005"),
+        ("duration", duration, duration > 0, "(0, inf) s", "a time, as --duration 5"),
     ):
         if not inside:
             fault = f"{value:g} is not in {allowed}"
@@ -178,22 +183,35 @@ def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> Non
         raise ArmDesignError(f"{machine.name}: move: modes", fault, f"give {near}")
 
 
-def _within(machine: Machine, legs: Sequence[Leg], duration: float, share: float) -> list[Leg]:
-    """The legs within a duration [s], refused if it is shorter than they are, or of no use."""
-    shortest = sum(leg.law.duration for leg in legs)
-    factor, longest = duration / shortest, max(SLOWEST * shortest, PATIENT)
-    part = f"{machine.name}: move: duration"
+def _refuse_longer(machine: Machine, legs: Sequence[Leg], duration: float) -> None:
+    """Raise for a duration [s] so long that it is of no use."""
+    shortest = _duration(legs)
+    longest = max(SLOWEST * shortest, PATIENT)
     if duration > longest:
         fault = f"{duration:.3g} s is more than {SLOWEST:g} times the shortest, {shortest:.3g} s"
         remedy = f"give {math.floor(longest):g} s or less: so slow a move does not ring"
-        raise ArmDesignError(part, fault, remedy)
-    if not factor >= 1 - ROUNDING:
+        raise ArmDesignError(f"{machine.name}: move: duration", fault, remedy)
+
+
+def _refuse_shorter(machine: Machine, legs: Sequence[Leg], duration: float, share: float) -> None:
+    """Raise for a duration [s] that is shorter than that of legs within flow and pressures."""
+    shortest = _duration(legs)
+    if duration < shortest * (1 - ROUNDING):
         flow = f"{machine.supply.flow / l_per_min:.0f} l/min, its valves and pressures"
         fault = f"{duration:.3g} s is faster than {share:g} of the pump's {flow} allow"
         more = " or, up to 1, a larger --share (in Python share)" if share < 1 else ""
         remedy = f"give {math.ceil(100 * shortest) / 100:.2f} s or more{more}"
-        raise ArmDesignError(part, fault, remedy)
-    return [leg.stretched(max(factor, 1.0)) for leg in legs]
+        raise ArmDesignError(f"{machine.name}: move: duration", fault, remedy)
+
+
+def _lasting(legs: Sequence[Leg], duration: float | None) -> list[Leg]:
+    """The legs, together of a duration [s] if they are shorter; None: as they are."""
+    factor = 1.0 if duration is None else max(duration / _duration(legs), 1.0)
+    return [leg.stretched(factor) for leg in legs]
+
+
+def _duration(legs: Sequence[Leg]) -> float:
+    return sum(leg.law.duration for leg in legs)
 
 
 def _masses(machine: Machine, spread: float) -> tuple[float, ...]:
@@ -215,7 +233,7 @@ def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None, shar
         frequencies=way.end,
         empty=way.empty,
         share=share,
-        shortest=sum(leg.law.duration for leg in legs),
+        shortest=_duration(legs),
         duration=both[0].duration,
         lead=command_lead(model),
         planned=both[1],

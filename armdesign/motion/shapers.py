@@ -37,6 +37,7 @@ SEARCHED = 4001  # frequencies at which a residual over a band is looked at
 ROUNDING = 1e-9  # of the sum of amplitudes
 WITHIN = 1.01  # of a residual: the hump of a damped EI is a little beside its frequency
 TRIES = 40  # to bring the residual of a damped band below its limit
+TIGHTER = 0.97  # step by which it is lowered
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,7 +128,9 @@ class Shaper(ReadOnly):
         By Dolph and Chebyshev: n + 1 impulses at distances τ have V = |T_n(x0 cos πfτ)|/T_n(x0)
         with T_n(x0) = 1/V_max, which is at most V_max from f = arccos(1/x0)/πτ to 1/τ less that.
         The least n whose band is as wide is taken. Damping turns A_i into A_i e^{−σt_i}, σ at
-        the middle of the band; as σ varies over the band V_max is lowered until all of it is kept.
+        the lowest frequency, as faster modes forget the first impulses anyhow. Where one forgets
+        so much of them that more is left of it, V_max is lowered until all of the band is kept.
+        That damping leaves less than V_max elsewhere is not counted on: modes may have less of it.
 
         Args:
             low: lowest frequency [Hz].
@@ -148,7 +151,7 @@ class Shaper(ReadOnly):
             shaper = cls._chebyshev(low, high, damping, limit)
             if shaper.worst_residual() <= residual * (1 + 1e-9):
                 return shaper
-            limit *= 0.9
+            limit *= TIGHTER
         fault = f"none keeps {100 * residual:g} % from {low:g} to {high:g} Hz at ζ = {damping:g}"
         raise ArmDesignError("shaper band", fault, "narrow the band, or tolerate more")
 
@@ -168,7 +171,7 @@ class Shaper(ReadOnly):
         phase = 2 * math.pi * np.arange(n + 1) / (n + 1)
         polynomial = eval_chebyt(n, x0 * np.cos(phase / 2)) * np.exp(0.5j * n * phase)
         powers = np.fft.fft(polynomial).real
-        decay = 2 * math.pi * damping * (low + high) / 2  # σ [1/s]
+        decay = 2 * math.pi * damping * low  # σ [1/s]
         times = distance / math.sqrt(1 - damping**2) * np.arange(n + 1)
         sizes = powers * np.exp(-decay * times)
         if sizes.min() <= 0:

@@ -10,7 +10,7 @@ the change of frequency over a period, as amplitudes change, too (1/√ω, momen
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,8 @@ INTERVAL = 5e-3  # [s] of planned instants
 POINTS = 101  # of a leg at which limits are looked at
 SLOWER = 1.05  # step by which a leg that valves cannot follow is made slower
 SLOWEST = 100.0  # by how much at most
+FITS = 5  # times that a shaped leg is made slower, to keep the flow,
+SLIGHT = 1e-3  # and the share of it that may be too much
 
 
 class Leg(NamedTuple):
@@ -35,6 +37,7 @@ class Leg(NamedTuple):
     start: Array  # (nq,) [rad, m]
     end: Array  # (nq,) [rad, m]
     law: TimeLaw
+    drawn: Array  # oil per σ̇ at even points of it, over the flow that it may use (n,) [s]
 
     def stretched(self, factor: float) -> Leg:
         """The leg with all times multiplied."""
@@ -67,8 +70,8 @@ def fastest_leg(machine: Machine, start: Array, end: Array, share: float) -> Leg
         ArmDesignError: the poses are one, or a valve cannot follow however slow it is.
     """
     part = f"{machine.name}: move"
-    law = fastest(path_limits(machine, start, end, POINTS, share), part)
-    leg, factor = Leg(start, end, law), 1.0
+    limits = path_limits(machine, start, end, POINTS, share)
+    leg, factor = Leg(start, end, fastest(limits, part), limits.most**-0.5), 1.0
     while names := _cannot_follow(machine, leg.stretched(factor), share):
         factor *= SLOWER
         if factor > SLOWEST:
@@ -103,9 +106,7 @@ def trajectory(
         paces: of each leg (parts, points), at even points of its line: frequency of the mode there
             over the one that a part of the shaper is made for. None: 1, the parts shape in time.
     """
-    if paces is None:
-        paces = [np.ones((len(shaper.parts or (shaper,)), 2))] * len(legs)
-    courses = [_shaped(leg.law, shaper, pace) for leg, pace in zip(legs, paces, strict=True)]
+    courses = [_shaped(leg.law, shaper, pace) for leg, pace in _paced(legs, shaper, paces)]
     begins = np.cumsum([0.0, *(course.time[-1] for course in courses)])
     time = _even(float(begins[-1]))
     q, velocity = np.tile(legs[0].start, (len(time), 1)), np.zeros((len(time), len(legs[0].start)))
@@ -114,6 +115,37 @@ def trajectory(
         for values, given in ((q, course.sigma), (velocity, course.speed)):
             values += np.interp(time - begin, course.time, given)[:, None] * along
     return Trajectory(time, q, velocity)
+
+
+def within_flow(
+    legs: Sequence[Leg], shaper: Shaper, paces: Sequence[Array] | Array | None = None
+) -> list[Leg]:
+    """The legs, slower where a shaped course asks more of the pump than the share of its flow.
+
+    Shaped, a speed is reached elsewhere on the line, where pistons may move more by it. Arguments
+    as of ``trajectory``.
+    """
+    return [_within_flow(leg, shaper, pace) for leg, pace in _paced(legs, shaper, paces)]
+
+
+def _within_flow(leg: Leg, shaper: Shaper, pace: Array) -> Leg:
+    shares = np.linspace(0.0, 1.0, len(leg.drawn))
+    for _ in range(FITS):
+        course = _shaped(leg.law, shaper, pace)
+        over = (np.abs(course.speed) * np.interp(course.sigma, shares, leg.drawn)).max()
+        if over <= 1 + SLIGHT:
+            break
+        leg = leg.stretched(float(over))
+    return leg
+
+
+def _paced(
+    legs: Sequence[Leg], shaper: Shaper, paces: Sequence[Array] | Array | None
+) -> Iterator[tuple[Leg, Array]]:
+    """Legs with their paces; without any the parts of the shaper shape in time."""
+    if paces is None:
+        paces = [np.ones((len(shaper.parts or (shaper,)), 2))] * len(legs)
+    yield from zip(legs, paces, strict=True)
 
 
 class _Course(NamedTuple):

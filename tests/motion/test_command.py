@@ -61,7 +61,11 @@ def test_stops_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             "--to: boom 80 deg is outside its range [-49.7, 39] deg; the nearest",
         ),
         (["--to", "boom=5", "--duration", "0.1"], "0.1 s is faster than 0.7 of the pump's"),
-        (["--to", "boom=5", "--duration", "nan"], "nan s is faster than 0.7 of the pump's"),
+        (
+            ["--to", "boom=5", "--duration", "nan"],
+            "duration: nan is not in (0, inf) s; give a time",
+        ),
+        (["--to", "boom=5", "--duration", "-1"], "duration: -1 is not in (0, inf) s; give a time"),
         (
             ["--to", "boom=5", "--duration", "1e6"],
             "1e+06 s is more than 30 times the shortest, 0.377 s; give 60 s or less: so slow",

@@ -16,6 +16,8 @@ from armdesign.units import bar
 from tests import machines
 from tests.simulation.plant.valve_machines import holding
 
+Degrees = tuple[float, float, float]
+AREAS = "bore_area", "annulus_area"  # which take oil while a piston extends, and retracts
 UP = np.radians([[-20.0, -90.0, -90.0], [20.0, -90.0, -90.0]])  # a full bucket, held
 
 
@@ -197,6 +199,44 @@ def test_a_move_after_which_nothing_rings_is_refused() -> None:
         ad.plan_move(damped, [-0.2], [0.1], spread=0.0)
     move = ad.plan_move(machine, [-0.2], [0.1], spread=0.0, damping=0.6)
     assert [shaper.name for shaper in move.shapers] == ["zvd", "zv", "zvd"]
+
+
+@pytest.mark.parametrize("share", [0.7, 1.0])
+@pytest.mark.parametrize(
+    ("name", "start", "end", "shaper"),
+    [
+        ("excavator_12t", (40, -119, -41), (40, -119, -128), "ei"),
+        ("excavator_20t", (39, -93, -7), (39, -36, -86), "zvd"),
+    ],
+)
+def test_shaped_it_keeps_the_share_of_the_flow(
+    name: str, start: Degrees, end: Degrees, shaper: str, share: float
+) -> None:
+    """Piston speeds by differences of lengths, each times the area that takes oil.
+
+    Shaped alone they asked for 2.7 and 3.9 % more than all, as a speed comes where pistons move
+    more by it; what is now left is interpolation.
+    """
+    machine = ad.load(name)
+    move = ad.plan_move(
+        machine, np.radians(start), np.radians(end), payload="empty", share=share,
+        shaper=shaper, spread=0.0,
+    )  # fmt: skip
+    time, lengths = move.planned.time, machine.at(move.planned.q).lengths
+    speeds = np.diff(lengths, axis=0) / np.diff(time)[:, None]
+    areas = [np.array([getattr(c, key) for c in machine.cylinders]) for key in AREAS]
+    flow = (np.where(speeds > 0, *areas) * np.abs(speeds)).sum(axis=1).max()
+    assert 0.99 * share < flow / machine.supply.flow < 1.002 * share
+    assert move.duration == pytest.approx(move.shortest)
+
+
+def test_the_shortest_duration_can_be_given_as_it_is_printed() -> None:
+    machine = ad.load("excavator_20t")
+    shortest = ad.plan_move(machine, *UP, payload="full", spread=0.0).shortest
+    printed = float(f"{shortest:.3g}")
+    assert printed < shortest  # rounded down
+    again = ad.plan_move(machine, *UP, payload="full", spread=0.0, duration=printed)
+    assert again.duration == pytest.approx(shortest)
 
 
 def test_the_shortest_duration_that_is_named_works() -> None:

@@ -19,6 +19,11 @@ def trapezium(rise: float, hold: float) -> TimeLaw:
     return TimeLaw(np.array(times), np.array(sigma), np.array([0.0, top, top, 0.0]))
 
 
+def unit_leg(law: TimeLaw) -> Leg:
+    """One joint from 0 to 1, which asks for no oil."""
+    return Leg(np.zeros(1), np.ones(1), law, np.zeros(2))
+
+
 def left(planned: Trajectory, frequency: np.ndarray) -> float:
     """Amplitude of z after z̈ = ω²(σ) (σ − z), ω by the frequency at even shares of the way."""
     shares = np.linspace(0, 1, len(frequency))
@@ -42,7 +47,7 @@ def test_a_mode_that_changes_on_the_way(kind: str, most: float, start: float) ->
     the way remain of ZV (4 and 6 %), second-order ones of ZVD (1 and 2 %).
     """
     frequency, law = 1.34 * np.array([start, 1.0]), trapezium(0.3, 1.4)
-    leg = Leg(np.zeros(1), np.ones(1), law)
+    leg = unit_leg(law)
     shaper = getattr(ad.Shaper, kind)(frequency[-1])
     step = law.speed.max() / 0.3 / (2 * np.pi * frequency[-1]) ** 2
     in_time = left(trajectory([leg], shaper), frequency)
@@ -54,7 +59,7 @@ def test_a_mode_that_changes_on_the_way(kind: str, most: float, start: float) ->
 def test_two_modes_each_in_its_phase() -> None:
     """The lowest mode, shaped last, is as well served as alone; the other one not much worse."""
     frequencies = np.array([[1.82, 1.34], [3.9, 2.6]])
-    leg = Leg(np.zeros(1), np.ones(1), trapezium(0.3, 1.4))
+    leg = unit_leg(trapezium(0.3, 1.4))
     shaper = ad.Shaper.zvd(1.34) * ad.Shaper.zvd(2.6)
     planned = trajectory([leg], shaper, [frequencies / frequencies[:, -1:]])
     unshaped = trajectory([leg], ad.Shaper.none())
@@ -64,7 +69,7 @@ def test_two_modes_each_in_its_phase() -> None:
 
 def test_a_pace_of_one_shapes_in_time() -> None:
     """Position and speed are those of the convolution; the delay is the shaper's."""
-    leg, shaper = Leg(np.zeros(1), np.ones(1), trapezium(0.3, 0.9)), ad.Shaper.ei(1.5, 0.03)
+    leg, shaper = unit_leg(trapezium(0.3, 0.9)), ad.Shaper.ei(1.5, 0.03)
     planned = trajectory([leg], shaper, [np.ones((1, 2))])
     assert planned.duration == pytest.approx(leg.law.duration + shaper.delay)
     late = np.maximum(planned.time[:, None] - shaper.times, 0)
@@ -77,6 +82,6 @@ def test_a_pace_of_one_shapes_in_time() -> None:
 
 def test_a_slower_mode_takes_longer() -> None:
     """A pace of a half all the way doubles the delay."""
-    leg, shaper = Leg(np.zeros(1), np.ones(1), trapezium(0.3, 0.9)), ad.Shaper.zvd(1.5)
+    leg, shaper = unit_leg(trapezium(0.3, 0.9)), ad.Shaper.zvd(1.5)
     planned = trajectory([leg], shaper, [np.full((1, 2), 0.5)])
     assert planned.duration == pytest.approx(leg.law.duration + 2 * shaper.delay)

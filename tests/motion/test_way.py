@@ -70,7 +70,7 @@ def test_both_chambers_yield_alike() -> None:
 
 def legs(ends: np.ndarray) -> list[Leg]:
     law = TimeLaw(np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 0.0]))
-    return [Leg(ends[0], ends[1], law)]
+    return [Leg(ends[0], ends[1], law, np.zeros(2))]
 
 
 def test_with_full_chambers_it_is_the_mode_at_rest() -> None:
