@@ -26,7 +26,7 @@ from armdesign.cli_sweep import sweep
 from armdesign.cli_tradeoffs import pareto, steps
 from armdesign.cli_view import view
 from armdesign.errors import ArmDesignError
-from armdesign.option_values import grid_points, listed, refuse_empty
+from armdesign.option_values import grid_points, listed, plainly, refuse_empty
 from armdesign.options import (
     FrequencyOption,
     LeastOption,
@@ -49,11 +49,6 @@ if TYPE_CHECKING:
 
 _UsageError: Any = typer.BadParameter.__base__  # its home differs between versions of typer
 
-PLAINLY = {  # what a library says of wrong words, and how it is said here
-    "Value error, ": "",
-    "Input should be a valid integer, unable to parse string as an integer": "not a whole number",
-    "Input should be a valid number, unable to parse string as a number": "not a number",
-}
 INTERRUPTED = 130  # exit code, 128 + SIGINT
 
 app = typer.Typer(
@@ -408,9 +403,7 @@ def main() -> None:
             output.tell_error(error)
             sys.exit(2)
         except _UsageError as error:
-            message = error.format_message()
-            for theirs, ours in PLAINLY.items():
-                message = message.replace(theirs, ours)
+            message = plainly(error, sys.argv[1:])
             usage = message.startswith("Usage")
             for line in message.splitlines() if usage else [f"armdesign: {message}"]:
                 tell(line, sys.stderr)

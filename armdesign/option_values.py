@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 
+NUMBERS = {"integer": "whole number", "number": "number", "float": "number"}  # as typer calls them
+POINT = "give it with a decimal point and without a unit, as 8.5"
+REMEDIES = {"integer": "give one, as 3", "number": POINT, "float": POINT}
+
+
 def refuse_empty(words: Sequence[str]) -> None:
     """Raise where a word of the command line is empty, as an unset variable of a shell is."""
     for before, word in pairwise(["armdesign", *words]):
@@ -25,6 +30,21 @@ def refuse_empty(words: Sequence[str]) -> None:
         if not word or (option.startswith("--") and equals and not value):
             fault, remedy = "is followed by an empty word", "give a value, or leave it out"
             raise ArmDesignError(option or before, fault, remedy)
+
+
+def plainly(error: Any, words: Sequence[str]) -> str:
+    """What typer says of words of the command line, with the one that is wrong and a remedy."""
+    message = str(error.format_message()).replace("Value error, ", "")
+    if message.startswith("Missing") and error.ctx is not None:
+        return f"{message.removesuffix('.')}; see {error.ctx.command_path} --help"
+    kind = next((kind for kind in NUMBERS if f"valid {kind}" in message), None)
+    if kind is None:
+        return message
+    names, typed = error.param.opts, ""
+    for before, word in pairwise(["", *words]):
+        option, equals, value = word.partition("=")
+        typed = word if before in names else value if equals and option in names else typed
+    return f'{names[0]}: "{typed}" is no {NUMBERS[kind]}; {REMEDIES[kind]}'
 
 
 def option_name(annotation: Any) -> str | None:

@@ -245,10 +245,19 @@ OPTIONS = [  # named as they were typed, not as the arguments that they become
     ("optimize --least oil --frequency -7", "--frequency: -7 Hz is not allowed"),
     ("optimize --objective speed", "--objective: 'speed' is not allowed; choose from: gain"),
     ("optimize --starts 0", "--starts: 0 is not allowed; give a whole number from 1 to 10000"),
-    ("optimize --frequency fast --least oil", "'--frequency': not a number"),
+    ("optimize --frequency fast --least oil", '--frequency: "fast" is no number; give it with a'),
+    (
+        "optimize --frequency=8,5 --least oil",
+        '--frequency: "8,5" is no number; give it with a dec',
+    ),
+    (
+        "control --delay 10ms",
+        '--delay: "10ms" is no number; give it with a decimal point and with',
+    ),
+    ("move", "Missing option '--from'; see armdesign move --help"),
     ("tolerances --seed -1", "--seed: -1 is not allowed; give a whole number of 0 or more"),
     ("view --port 99999", "--port: 99999 is not allowed; give a whole number from 1024 to 65535"),
-    ("view --port many", "'--port': not a whole number"),
+    ("view --port many", '--port: "many" is no whole number; give one, as 3'),
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,9 @@ from armdesign.short_repr import short_repr
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
 
-MOST = 4  # joints between which gains are linear; beyond, gains of the nearest pose
+MOST = 4  # joints between which gains are linear; of more, gains of the nearest pose
+FLAT = 1e-9  # of the joints' ranges, by which poses are beside a line or plane
+INSIDE = 1 - 1e-9  # of the way from the middle of the poses to their hull, so that it is inside
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +49,9 @@ class GainSchedule(ReadOnly):
     map: BandwidthMap
 
     def __call__(self, q: ArrayLike) -> Controller:
-        """The controllers at poses q (n, nq): linear between the map's poses.
+        """The controllers at poses q (n, nq): linear between the map's poses, up to four joints.
 
-        Beyond them the gains of the nearest pose.
+        Beyond their hull those of its nearest place; of more joints, those of the nearest pose.
 
         Raises:
             PoseError: they are no joint positions.
@@ -118,28 +121,80 @@ def gain_schedule(
     gains = table[[*names, "corner_rad_per_s"]].to_numpy(copy=True)
     if not feedback:
         gains[:, len(machine.joints) : -1] = 0.0
-    moving = [j for j in range(len(machine.joints)) if np.ptp(poses[:, j]) > 0]
-    of = _interpolated(poses[:, moving], gains, moving)
-    return GainSchedule(machine, poses, gains, of, bandwidths)
+    return GainSchedule(machine, poses, gains, _Between.of(poses, gains), bandwidths)
 
 
-def _interpolated(poses: Array, gains: Array, moving: list[int]) -> Callable[[Array], Array]:
-    """Gains (m, …) as a function of poses (m, nq), of which the ``moving`` joints count."""
-    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """Gains at any pose from those at some: linear between these, the same beyond their hull.
 
-    if len(moving) == 0:
-        return lambda q: np.tile(gains[:1], (len(q), 1))
-    if len(moving) == 1:
-        order = poses[:, 0].argsort()
-        at, known = poses[order, 0], gains[order].T
-        return lambda q: np.stack([np.interp(q[:, moving[0]], at, one) for one in known], axis=1)
-    nearest = NearestNDInterpolator(poses, gains, rescale=True)
-    if len(moving) > MOST or len(poses) <= 2 ** len(moving):
-        return lambda q: np.asarray(nearest(q[:, moving]))
-    linear = LinearNDInterpolator(poses, gains, rescale=True)
+    A pose beyond has the gains of the place on the hull of the poses that is nearest to it, each
+    joint by its share of their range, so that gains leap nowhere. Poses on a line or plane of
+    joint space have the gains of their foot on it.
+    """
 
-    def both(q: Array) -> Array:
-        between = linear(q[:, moving])
-        return np.where(np.isfinite(between), between, nearest(q[:, moving]))
+    moving: Array  # indices of the joints that differ
+    low: Array  # their lowest positions,
+    span: Array  # and the ranges between these and the highest
+    middle: Array  # of all poses, in shares of these ranges
+    along: Array  # directions in which they differ (joints, k)
+    linear: Callable[[Array], Array]  # gains at places (m, k) along these
+    nearest: Callable[[Array], Array]
+    planes: Array  # of the hull, normals and offsets (p, k + 1)
 
-    return both
+    @classmethod
+    def of(cls, poses: Array, gains: Array) -> _Between:
+        from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+        from scipy.spatial import ConvexHull
+
+        moving = np.flatnonzero(np.ptp(poses, axis=0) > 0)
+        low, span = poses[:, moving].min(axis=0), np.ptp(poses[:, moving], axis=0)
+        shares = (poses[:, moving] - low) / span
+        middle = shares.mean(axis=0)
+        _, sizes, along = np.linalg.svd(shares - middle, full_matrices=False)
+        differ = sizes > FLAT
+        along = np.eye(len(moving)) if differ.sum() == len(moving) else along[differ].T
+        places = (shares - middle) @ along
+        planes = np.empty((0, len(along.T) + 1))
+        nearest = linear = partial(_first, gains)
+        if len(along.T) == 1:
+            order = places[:, 0].argsort()
+            nearest = linear = partial(_on_line, places[order, 0], gains[order])
+        elif len(along.T) > 1:
+            nearest = linear = NearestNDInterpolator(places, gains)
+        if 1 < len(along.T) <= MOST:
+            linear = LinearNDInterpolator(places, gains)
+            planes = np.unique(ConvexHull(places).equations.round(12), axis=0)
+        return cls(moving, low, span, middle, along, linear, nearest, planes)
+
+    def __call__(self, q: Array) -> Array:
+        """Gains (m, …) at joint positions (m, nq)."""
+        places = ((q[:, self.moving] - self.low) / self.span - self.middle) @ self.along
+        beyond = np.flatnonzero((self._above(places) > 0).any(axis=1))
+        for row in beyond:
+            places[row] = INSIDE * (places[row] + self._way_back(places[row]))
+        gains = self.linear(places)
+        unknown = np.isnan(gains).any(axis=1)
+        gains[unknown] = self.nearest(places[unknown])
+        return gains
+
+    def _above(self, places: Array) -> Array:
+        """How far places (…, k) are above each plane (…, p); inside the hull below all."""
+        return np.asarray(places @ self.planes[:, :-1].T + self.planes[:, -1])
+
+    def _way_back(self, place: Array) -> Array:
+        """Shortest way (k,) to the hull: least distance programming (Lawson and Hanson 1974)."""
+        from scipy.optimize import nnls
+
+        rows = np.column_stack([-self.planes[:, :-1], self._above(place)]).T
+        goal = np.eye(len(rows))[-1]
+        left = rows @ nnls(rows, goal)[0] - goal
+        return np.asarray(-left[:-1] / left[-1])
+
+
+def _first(gains: Array, places: Array) -> Array:
+    return np.tile(gains[:1], (len(places), 1))
+
+
+def _on_line(known: Array, gains: Array, places: Array) -> Array:
+    return np.stack([np.interp(places[:, 0], known, one) for one in gains.T], axis=1)

@@ -96,6 +96,13 @@ class Bands:
             if not (numbers and least <= band[0] <= band[1] <= most):
                 remedy = f"give (lower, upper) within [{least:g}, {most:g}]"
                 raise ArmDesignError(f"bands.{path}", f"{band!r} is not allowed", remedy)
+        for part in fields(self):  # Python's own numbers, whatever they were given as
+            given: Any = getattr(self, part.name)
+            if isinstance(given, Mapping):
+                given = {name: tuple(map(float, one)) for name, one in given.items()}
+            elif given is not None:
+                given = tuple(map(float, given))
+            object.__setattr__(self, part.name, given)
 
     @property
     def _stated(self) -> Iterator[tuple[str, tuple[float, float]]]:

@@ -7,7 +7,7 @@ reads it again, ``save`` writes it. So whatever a machine answers, its file answ
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -286,8 +286,8 @@ class Machine:
     @property
     def identity(self) -> list[str]:
         """Everything in which two machines can differ: texts, and parts changed since."""
-        parts = self.payloads, self.payload, self.actuators, self.linkages, self.springs
-        return [self.text, self.urdf_text, repr((*parts, self.fluid, self.supply, self.tool))]
+        parts = (getattr(self, of.name) for of in fields(self) if of.name not in ("arm", "source"))
+        return [self.arm.xml, *map(repr, parts)]
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,6 +31,13 @@ BANDS = ad.Bands(
 @pytest.fixture(scope="module")
 def workspace(excavator: ad.Machine) -> ad.Workspace:
     return ad.Workspace.grid(excavator, points=7)
+
+
+def test_bands_of_arrays_are_those_of_tuples() -> None:
+    pairs: Any = np.array([[0, 1], [0, 2]])
+    given = ad.Bands(structure=pairs[0], structures={"lift": pairs[1]})
+    assert given == ad.Bands(structure=(0.0, 1.0), structures={"lift": (0.0, 2.0)})
+    assert repr(given) == "Bands(structure=(0.0, 1.0), structures={'lift': (0.0, 2.0)})"
 
 
 def test_no_bands_are_the_machine_itself(excavator: ad.Machine, workspace: ad.Workspace) -> None:

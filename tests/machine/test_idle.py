@@ -4,6 +4,7 @@ file had none, but for what it weighs (``test_idle_masses``).
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import tomllib
 from pathlib import Path
@@ -164,3 +165,20 @@ def test_pins_on_one_body_are_still_a_fault() -> None:
         FROZEN.replace(
             {"cylinder.boom.rod_end.link": "chassis", "cylinder.boom.rod_end.at_mm": [0, 0, 0]}
         )
+
+
+def test_what_is_changed_in_memory_is_another_machine_to_a_journal() -> None:
+    """Also an idle cylinder, the arm, and what the file states: the texts do not tell."""
+    (cylinder, linkage), *others = FROZEN.idle_cylinders
+    heavier = dataclasses.replace(cylinder, barrel_mass=9000.0)
+    other = machines.named("excavator_12t").arm
+    stated = FROZEN.section.model_copy(update={"title": "another"})
+    changed = [
+        dataclasses.replace(FROZEN, idle_cylinders=((heavier, linkage), *others)),
+        dataclasses.replace(FROZEN, arm=other),
+        dataclasses.replace(FROZEN, section=stated),
+    ]
+    identities = [machine.identity for machine in (FROZEN, *changed)]
+    assert len({repr(identity) for identity in identities}) == 4
+    again = Machine.from_text(FROZEN.text, FROZEN.urdf_text, FROZEN.source)
+    assert again.identity == FROZEN.identity

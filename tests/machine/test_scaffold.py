@@ -234,7 +234,7 @@ def test_two_machines_share_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyP
         (["x", "--links", "7"], "--links: 7 is not allowed"),
         (["x", "--links", "3", "--like", "paper_1dof"], "--links: contradicts --like"),
         (["x", "--like", "excavator"], "excavator: no such machine; did you mean"),
-        (["x", "--links", "two"], "'--links': not a whole number"),
+        (["x", "--links", "two"], '--links: "two" is no whole number; give one, as 3'),
         (["x", "--out", "/proc/none"], "--out /proc/none"),
     ],
 )

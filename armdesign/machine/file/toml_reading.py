@@ -187,7 +187,10 @@ def number_meant(text: str, unit: str) -> tuple[str, str]:
         return "decimal comma, and a text", with_point(text)
     if (match := _NUMBER.fullmatch(text)) and not _other_notation(match[1], match[2] or ""):
         if not (match[2] and unit):
-            return "", f"write it without quotes: {match[1]}"
+            written = match[1]
+            if "." in (written.lstrip("+-")[0], written[-1]) or ".e" in written.lower():
+                return "no digit beside the point, and a text", f"write {float(written)!r}"
+            return "", f"write it without quotes: {written}"
         number = f": {match[1]}" if _same_unit(match[2], unit) else ""  # nothing is converted
         return "", f"write the number alone, in {unit}{number}"
     return "", ""

@@ -1,0 +1,77 @@
+"""Gains between the poses of a map and beyond them."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from armdesign.control.gain_schedule import _Between
+
+
+def of_pose(q: np.ndarray) -> np.ndarray:
+    """Two gains (n, 2) at poses, linear in these."""
+    slopes = np.array([[0.4, -0.2], [0.1, 0.5], [-0.3, 0.2]])[: q.shape[1]]
+    return 3.0 + q @ slopes
+
+
+def grid(points: int, joints: int = 3) -> np.ndarray:
+    """Poses of a grid in a box whose sides differ."""
+    axes = [np.linspace(-1.0, 1.0 + k, points) for k in range(joints)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, joints)
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3])
+@pytest.mark.parametrize("points", [2, 3, 5])
+def test_linear_within_a_box_and_clipped_beyond_it(joints: int, points: int) -> None:
+    """The nearest place of a box, by whatever scales of its sides, is the clipped one."""
+    q = grid(points, joints)
+    between = _Between.of(q, of_pose(q))
+    at = np.random.default_rng(joints).uniform(-3.0, 5.0, (300, joints))
+    expected = of_pose(np.clip(at, q.min(axis=0), q.max(axis=0)))
+    np.testing.assert_allclose(between(at), expected, rtol=1e-7)
+    np.testing.assert_allclose(between(q), of_pose(q), rtol=1e-9)
+
+
+def test_gains_leap_nowhere() -> None:
+    """Of scattered poses with gains that have nothing to do with each other, a corner cut off.
+
+    The nearest pose's gains, as they once were beyond the hull, leap by a third from step to step.
+    """
+    random = np.random.default_rng(2)
+    q = grid(4)
+    q = np.concatenate([q[q.sum(axis=1) < 3.0], random.uniform(-0.9, 0.9, (20, 3))])
+    between = _Between.of(q, random.uniform(1.0, 2.0, (len(q), 2)))
+    at, way = random.uniform(-2.0, 4.0, (20_000, 3)), random.normal(size=(20_000, 3))
+    step = 1e-7 * way / np.linalg.norm(way, axis=1)[:, None]
+    assert np.abs(between(at + step) - between(at)).max() < 1e-4
+
+
+def test_poses_on_a_line_and_on_a_plane() -> None:
+    """Their gains at the foot of a pose on it, in shares of the joints' ranges."""
+    shares = np.linspace(0.0, 1.0, 9)[:, None]
+    line = np.array([-1.0, 0.0, 2.0]) + shares * np.array([1.0, 2.0, -4.0])
+    between = _Between.of(line, of_pose(line))
+    aside = line[4] + 0.3 * np.array([1.0, -2.0, 0.0])  # shares 0.3, −0.3 and 0
+    np.testing.assert_allclose(between(np.stack([line[4], aside])), of_pose(line[[4, 4]]))
+    flat = grid(4, 2)
+    plane = np.column_stack([flat, flat[:, 0]])
+    between = _Between.of(plane, of_pose(plane))
+    np.testing.assert_allclose(between(plane), of_pose(plane), rtol=1e-8)
+    middle = np.array([[0.2, 0.3, 0.2]])
+    np.testing.assert_allclose(between(middle), of_pose(middle), rtol=1e-8)
+
+
+def test_one_pose_and_many_joints() -> None:
+    """One pose's gains are those of all; of five joints the nearest pose's are taken."""
+    one = np.array([[1.0, 2.0]])
+    assert _Between.of(one, one)(np.zeros((3, 2))).tolist() == [[1.0, 2.0]] * 3
+    q = np.random.default_rng(0).uniform(size=(40, 5))
+    np.testing.assert_array_equal(_Between.of(q, q)(q + 1e-6), q)
+
+
+def test_it_is_pickled_and_read_again() -> None:
+    q = grid(3)
+    between = _Between.of(q, of_pose(q))
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(between))(q + 0.3), between(q + 0.3))
