@@ -69,8 +69,8 @@ def sweep(
     again = [f"A worker died; done again: {name}." for name in answers.retried]
     run.show([sweep_sheet(table, answers.kept), *again], tables={"sweep": table})
     if (table["error"] != "").all():
-        fault = "no case has an answer"
-        run.refuse([ArmDesignError(str(study), fault, "see the column error of sweep.csv")])
+        fault, first = "no case has an answer", table["error"].iloc[0]
+        run.refuse([ArmDesignError(str(study), fault, f"the first says: {first}")])
 
 
 @contextmanager

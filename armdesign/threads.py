@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar, copy_context
 from functools import cache
 from itertools import chain, islice
+from threading import Lock
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ MOST = 4  # threads: with more, they wait for each other's Python
 # poses times coordinates of each of several threads: between small chunks they wait, too
 LARGE_CHUNK = 60_000
 _beside = 1  # of them, whatever BLAS may use
+_ones, _entering, _limited = 0, Lock(), ExitStack()  # contexts of one thread
 _at_work = ContextVar("_at_work", default=False)  # whether this is one of several threads
 
 
@@ -80,7 +82,26 @@ def allow(count: int) -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """A context in which BLAS and ``in_threads`` have one thread."""
+    """A context in which BLAS and ``in_threads`` have one thread.
+
+    They have theirs again when all such contexts have ended, of whatever threads.
+    """
+    global _ones
+    with _entering:
+        if _ones == 0:
+            _limited.enter_context(_limits())
+        _ones += 1
+    try:
+        yield
+    finally:
+        with _entering:
+            _ones -= 1
+            if _ones == 0:
+                _limited.close()
+
+
+@contextmanager
+def _limits() -> Iterator[None]:
     from threadpoolctl import threadpool_limits
 
     before = _beside

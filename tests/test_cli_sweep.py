@@ -130,7 +130,9 @@ def test_a_study_without_an_answer_ends_with_code_2(
     words = ["sweep", study, "--out", str(tmp_path / "out"), "--workers", "1"]
     assert main(words, monkeypatch) == 2
     text = capsys.readouterr()
-    assert_one_line(text.err, "study.toml: no case has an answer; see the column error of")
+    assert_one_line(
+        text.err, "study.toml: no case has an answer; the first says: sweep fluid.bulk"
+    )
     assert "2 cases failed; sweep.csv says why. The first: " in text.out
     assert len(read(tmp_path / "out")) == 2
 

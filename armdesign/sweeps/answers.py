@@ -130,7 +130,8 @@ def refuse_names(paths: Set[Any], options: Set[str], outputs: Set[str]) -> None:
             raise ArmDesignError("changes", f"{path!r} is no key path", remedy)
         if path in COLUMNS:
             fault = "is a column of the frame and no number of a machine file"
-            raise ArmDesignError(f"changes.{path}", fault, remedy)
+            chosen = "leave it out, as frame[list(sweep.paths)] does"
+            raise ArmDesignError(f"changes.{path}", fault, chosen)
     for name in options & {*COLUMNS, *paths}:
         fault = "is the name of another column"
         raise ArmDesignError(f"options.{name}", fault, "give it another name")

@@ -169,6 +169,8 @@ def all_changes(
 ) -> list[Changes]:
     """Changes of every case: a mapping is a grid, a path a CSV file, a sequence a list.
 
+    What is NaN in a list changes nothing, as empty fields of a CSV file: rows of frames have that.
+
     Raises:
         ArmDesignError: changes that are none of these.
     """
@@ -184,9 +186,14 @@ def all_changes(
         if not isinstance(one, Mapping):
             fault, remedy = f"{one!r} is no case", "give values by key path"
             if hasattr(changes, "to_dict"):
-                remedy = 'of a frame, frame.to_dict("records")'
+                remedy = 'of a frame, frame[paths].to_dict("records"); sweep.paths are of a sweep'
             raise ArmDesignError("changes", fault, remedy)
-    return listed
+    return [{path: v for path, v in one.items() if not _is_empty(v)} for one in listed]
+
+
+def _is_empty(value: Any) -> bool:
+    """Whether it is a cell of a frame in which nothing was given."""
+    return isinstance(value, float) and math.isnan(value)
 
 
 def by_key_path(table: Mapping[str, Any], part: str) -> Changes:

@@ -70,15 +70,15 @@ class Outcome(Entry):
     final: bool = True
 
 
-_studies: dict[str, Study] = {}
+# with the lock of the threads of one process, which answer one case at a time; a task may sweep
+# itself, also in threads of its own
+_studies: dict[str, tuple[Study, threading.RLock]] = {}
 _refused: dict[str, ArmDesignError] = {}  # why this process did not take a study, by its name
-# threads of one worker process; a task may sweep itself
-_one_at_a_time = threading.RLock()
 
 
 def prepare(study: Study) -> None:
     """Keep a study for the cases to come."""
-    _studies[study.name] = study
+    _studies[study.name] = study, threading.RLock()
 
 
 def prepare_process(sent: Sent, parent: int) -> None:
@@ -114,10 +114,11 @@ def answer(name: str, case: Case) -> Outcome:
     """
     if name in _refused:
         raise _refused[name]
-    with _one_at_a_time, one_thread():
+    study, one_at_a_time = _studies[name]
+    with one_at_a_time, one_thread():
         start = time.perf_counter()
         try:
-            numbers = _answer(_studies[name], case)
+            numbers = _answer(study, case)
         except KeyboardInterrupt:
             raise
         except BaseException as error:

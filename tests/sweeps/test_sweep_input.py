@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from armdesign.machine.changes import changed_machine
 from armdesign.machine.file.schema import RequirementsSection
 from armdesign.sweeps.numbers import of_design
 from armdesign.sweeps.study_file import read_study
+from armdesign.threads import threads
 
 BOX = [[-9000, -9000], [9000, -9000], [9000, 9000], [-9000, 9000]]
 FAR = [[8000, 8000], [9000, 8000], [9000, 9000]]
@@ -291,3 +293,37 @@ def test_arrays_are_no_options_of_functions() -> None:
             ad.sweep("paper_1dof", None, mean, options=[{"gains": given}], points=2)
     scalar = ad.sweep("paper_1dof", None, mean, options={"gains": np.float64(2.0)}, points=2)
     assert scalar.frame["mean"].tolist() == [4.0]
+
+
+def test_the_rows_of_a_frame_are_its_changes_again() -> None:
+    """Also where cases change different numbers: what a row has not is the file's."""
+    changes = [{"fluid.bulk_modulus_MPa": 900.0}, {"cylinder.lift.bore_mm": 61.0}]
+    first = ad.sweep("paper_1dof", changes, points=3)
+    frame = first.frame
+    again = ad.sweep("paper_1dof", frame[list(first.paths)].to_dict("records"), points=3)
+    assert again.frame["error"].tolist() == ["", ""]
+    assert again.frame["worst_hz"].tolist() == frame["worst_hz"].tolist()
+    with pytest.raises(ad.ArmDesignError, match=r"leave it out, as frame\[list\(sweep\.paths\)\]"):
+        ad.sweep("paper_1dof", frame.to_dict("records"), points=3)
+
+
+def in_threads_of_its_own(machine: ad.Machine, _: ad.Workspace) -> dict[str, float]:
+    """A task that sweeps in two threads."""
+
+    def worst(modulus: float) -> float:
+        sweep = ad.sweep(machine, {"fluid.bulk_modulus_MPa": [modulus]}, points=3)
+        return float(sweep.frame["worst_hz"][0])
+
+    with ThreadPoolExecutor(2) as pool:
+        soft, stiff = pool.map(worst, [900.0, 1000.0])
+    return {"soft": soft, "stiff": stiff}
+
+
+def test_a_task_may_sweep_in_threads() -> None:
+    """They waited for each other for ever; afterwards BLAS has its threads again."""
+    before = threads()
+    found = ad.sweep("paper_1dof", None, in_threads_of_its_own, points=3).frame
+    grid = {"fluid.bulk_modulus_MPa": [900.0, 1000.0]}
+    alone = ad.sweep("paper_1dof", grid, points=3).frame["worst_hz"]
+    assert [found["soft"][0], found["stiff"][0]] == alone.tolist()
+    assert threads() == before
