@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 from uuid import uuid4
@@ -21,6 +20,7 @@ from uuid import uuid4
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.journal.journal import Entry, Journal
 from armdesign.journal.keys import digest
+from armdesign.package_files import version_of_sources
 
 ANEW = "delete it to begin anew"
 
@@ -57,7 +57,7 @@ class Pieces:
     entries: dict[str, Entry]
     answered: int = field(default=0, init=False)
     left: int = field(default=0, init=False)
-    version: str = field(default_factory=lambda: version("armdesign"))
+    version: str = field(default_factory=version_of_sources)
 
     def __post_init__(self) -> None:
         self._run = uuid4().hex[:8]
@@ -116,7 +116,7 @@ def keeping(path: Path) -> Iterator[Pieces]:
     Raises:
         ArmDesignError: the journal cannot be written, is damaged, or another run writes it.
     """
-    with Journal(path, {}, version("armdesign"), new=False, otherwise=ANEW) as journal:
+    with Journal(path, {}, version_of_sources(), new=False, otherwise=ANEW) as journal:
         pieces = Pieces(journal, journal.entries())
         _open.append(pieces)
         try:

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.journal.keys import canonical
+from armdesign.package_files import version_of_sources
 from armdesign.sweeps.reach import digests_of, names_reached
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def received(sent: Sent) -> Study:
         ArmDesignError: it was made by another version of the package, or from other files than
             this process has; or these are not here.
     """
-    own = version("armdesign")
+    own = version_of_sources()
     if sent.version != own:
         fault = f"has armdesign {own}, the study comes from {sent.version}"
         raise ArmDesignError("worker", fault, "install the same version on all machines")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from itertools import product
 from numbers import Integral
 from operator import index
@@ -21,6 +20,7 @@ from armdesign.journal.keys import canonical, digest, exact
 from armdesign.machine.changed_parts import refuse_changed_parts
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
+from armdesign.package_files import version_of_sources
 from armdesign.processes import may_begin
 from armdesign.progress import rounds
 from armdesign.sweeps.answers import (
@@ -350,12 +350,12 @@ def _study(
         points = index(points) if one else [index(count) for count in points]
     poses = workspace and workspace.identity
     try:
-        shared = canonical([version("armdesign"), task[1], exact(dict(options)), poses, points])
+        shared = canonical([version_of_sources(), task[1], exact(dict(options)), poses, points])
     except (TypeError, ValueError):
         raise _unwritten(options=options) from None
     return Study(
         identity=digest(shared),
-        version=version("armdesign"),
+        version=version_of_sources(),
         machines=machines,
         task=task[0],
         options=options,

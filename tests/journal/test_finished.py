@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+import armdesign
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.journal.finished import Form, all_finished, finished, keeping
 from armdesign.journal.journal import MAGIC
+from armdesign.package_files import version_of_sources
 
 FORM: Form[float] = Form(write=lambda _, x: {"x": x}, read=lambda _, answer: answer["x"])
 HOLD = """
@@ -137,3 +142,22 @@ def test_a_journal_that_cannot_be_used(tmp_path: Path) -> None:
     with pytest.raises(ArmDesignError, match=r"is damaged; restore a copy .*, or delete it"):
         keeping(path).__enter__()
     assert path.exists()
+
+
+def test_other_sources_are_another_version(tmp_path: Path) -> None:
+    """A copy of the package with one line more: its journals do not answer for this one."""
+    here = Path(armdesign.__file__).parent
+    shutil.copytree(here, tmp_path / "armdesign", ignore=shutil.ignore_patterns("__pycache__"))
+    surroundings = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    words = "from armdesign.package_files import version_of_sources as v; print(v())"
+
+    def said() -> str:
+        run = [sys.executable, "-B", "-c", words]
+        return subprocess.check_output(run, cwd=tmp_path, env=surroundings, text=True)
+
+    assert said().strip() == version_of_sources()
+    with (tmp_path / "armdesign" / "sweeps" / "numbers.py").open("a") as file:
+        file.write("TWO = 2\n")
+    other = said().strip()
+    assert other != version_of_sources()
+    assert other.partition("+")[0] == version("armdesign")

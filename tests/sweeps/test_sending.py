@@ -15,6 +15,7 @@ import pytest
 from joblib.externals.loky.backend.reduction import dumps
 
 import armdesign as ad
+from armdesign.package_files import version_of_sources
 from armdesign.sweeps import sending
 from armdesign.sweeps.sending import Sent, received, sent
 from armdesign.sweeps.worker import Study
@@ -112,8 +113,7 @@ Loaded = Callable[..., ModuleType]
 def sent_of(task: Any, how: Callable[[Any], Any] = dumps) -> Sent:
     """A study of a task, sent."""
     nothing: dict[str, Any] = {"machines": {}, "options": {}, "workspace": None, "points": 2}
-    version = importlib.metadata.version("armdesign")
-    return sent(Study(identity="one", version=version, task=task, **nothing), [], how)
+    return sent(Study(identity="one", version=version_of_sources(), task=task, **nothing), [], how)
 
 
 @pytest.fixture

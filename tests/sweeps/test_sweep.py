@@ -11,7 +11,6 @@ import signal
 import sys
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ import armdesign as ad
 from armdesign.errors import Stopped
 from armdesign.journal.finished import keeping
 from armdesign.journal.journal import Journal
+from armdesign.package_files import version_of_sources
 from armdesign.sweeps.cases import csv_changes, grid_changes, sobol_changes
 from armdesign.sweeps.sweep import files_of
 
@@ -100,7 +100,7 @@ def test_a_case_that_kills_its_worker_is_tried_again_by_name(tmp_path: Path) -> 
     assert always.failures == {f"paper_1dof, {path}=1000.0": "its worker died 3 times"}
     assert always.frame["modulus"].notna().tolist() == [True, False, True, True]
     with Journal(
-        tmp_path / "j", files_of([ad.load("paper_1dof")]), version("armdesign"), False
+        tmp_path / "j", files_of([ad.load("paper_1dof")]), version_of_sources(), False
     ) as journal:
         assert len(journal.entries()) == 3  # the next run tries it again
 
