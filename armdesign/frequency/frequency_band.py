@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scenario(ReadOnly):
     """One set of values within the bands, and the lowest frequency of the poses there.
 
@@ -47,7 +47,7 @@ class Scenario(ReadOnly):
     starts: Starts = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FrequencyBand:
     """The lowest frequency [Hz] of the poses, all load cases, within the bands.
 

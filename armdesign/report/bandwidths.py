@@ -160,7 +160,8 @@ def _schemes_sheet(maps: Mapping[str, BandwidthMap], title: str) -> Sheet:
             f" {float(gain_margin_db(margin)):.1f} dB,"
             f" {float(phase_margin(margin)) / deg:.0f} deg; damping: {source}{delay}; widest loop:"
             " bandwidth at the median pose; error of a move at constant speed is that speed times"
-            " the seconds, settles: within 2 % of a step at the latest, each at its worst pose;"
+            " the seconds, settles: within 2 % of a step at the latest; these and the peak of S,"
+            " each at its worst pose;"
             f" with feed-forward: bandwidth of commands, the valve's gain known within"
             f" {100 * GAIN_ERROR:.0f} %, the rest of the loop as without{_note(maps)}"
         ),
@@ -171,7 +172,7 @@ def _reached(bandwidths: BandwidthMap, scheme: str) -> tuple[str, ...]:
     """Bandwidths of a controller, its error of a move, time to settle and peak of S."""
     works, worst = bandwidths.frame[bandwidths.frame["works"]], bandwidths.worst(scheme)
     loops = works[[f"{scheme}_{joint}_hz" for joint in bandwidths.machine.joints]]
-    peak = f"{worst[f'{scheme}_peak']:.2f}" if worst[f"{scheme}_hz"] else "–"
+    peak = f"{works[f'{scheme}_peak'].max():.2f}" if worst[f"{scheme}_hz"] else "–"
     return (
         *_least_and_median(bandwidths, f"{scheme}_hz"),
         f"{loops.max(axis=1).median():.3g}",

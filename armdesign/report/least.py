@@ -24,8 +24,9 @@ def least_sentence(design: Design, of: str, frequency: float, units: Units = WOR
     """
     before, after = amounts(design, of)
     unit = {"oil": "m³", "flow": "m³/s", "mass": "kg"}[of]
-    digits = max(2 - math.floor(math.log10(before / litre)), 0)  # three that count
-    decimals = digits if unit == "m³" and units is WORKSHOP else None
+    size = {"m³": litre, "kg": 1.0}.get(unit)
+    digits = max(2 - math.floor(math.log10(before / (size or 1.0))), 0)  # three that count
+    decimals = digits if size and (unit == "kg" or units is WORKSHOP) else None
     one, other = (units.number(amount, unit, decimals) for amount in (before, after))
     change = percent(after / before - 1)
     today, new = (f"{m.worst.frequency:.3f}" for m in (design.before, design.after))
@@ -34,7 +35,7 @@ def least_sentence(design: Design, of: str, frequency: float, units: Units = WOR
     asked = f"; {LOWEST}{within}: {judged} Hz" if within or judged != new else ""
     asked += f", {frequency:.4g} Hz asked for"
     if design.judged > MORE * frequency:
-        asked += ": not the frequency, but other requirements or steps of sizes need that much"
+        asked += ": other requirements, or rounding to steps of sizes, ask for that much"
     return (
         f"{NAMES[of]}: {one} → {other} {units.name(unit)} ({change}); worst natural frequency"
         f" {today} → {new} Hz{asked}."

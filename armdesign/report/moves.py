@@ -74,7 +74,8 @@ def _runs(move: Move, units: Units) -> Sheet:
 
 def _misses(move: Move, run: MoveRun, units: Units) -> list[str]:
     pairs = zip(move.machine.arm.joints, run.miss, strict=True)
-    return [units.number(float(miss), joint.unit, 2) for joint, miss in pairs]
+    decimals = 2 if units is WORKSHOP else 5
+    return [units.number(float(miss), joint.unit, decimals) for joint, miss in pairs]
 
 
 def _shapers(move: Move) -> Sheet:

@@ -120,7 +120,7 @@ def test_lift_that_no_place_of_the_chart_holds_is_said() -> None:
     assert ", its lift is held nowhere, as the lift chart has no place; " in summary(design)
 
 
-OTHERS_NEED_IT = ": not the frequency, but other requirements or steps of sizes need that much"
+OTHERS_NEED_IT = ": other requirements, or rounding to steps of sizes, ask for that much"
 
 
 def test_the_least_oil_of_a_small_machine_has_three_digits() -> None:

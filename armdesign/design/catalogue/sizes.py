@@ -85,7 +85,8 @@ def refuse_shared_joints(machine: Machine) -> None:
     """
     if len(machine.actuators) > len(machine.joints):
         drives = f"{len(machine.actuators)} cylinders{' and motors' * bool(machine.motors)}"
-        fault = f"{machine.name} has {drives} on {len(machine.joints)} joints: their static forces"
+        joints = "1 joint" if len(machine.joints) == 1 else f"{len(machine.joints)} joints"
+        fault = f"{machine.name} has {drives} on {joints}: their static forces"
         remedy = 'choose sizes without one: --free, in Python catalogue="free"'
         raise ArmDesignError("catalogue", f"{fault} depend on the sizes", remedy)
 
