@@ -323,3 +323,21 @@ def test_no_name_is_a_formula_behind_a_semicolon(tmp_path: Path) -> None:
 def test_a_urdf_of_text_is_bounded_too(refused: Refused) -> None:
     with pytest.raises(ad.ArmDesignError, match="5001 links, more than 5000"):
         Machine.from_text(ONE.text, with_links(4_999), Path("x.toml"))
+
+
+@pytest.mark.parametrize(
+    ("table", "keys", "most"),
+    [
+        ("payload.p", 'mass_kg = 100\nlink = "bucket"\nat_mm = [500, 0, 200]', 50),
+        ("requirements.lift.l", "reach_mm = 3000\nheight_mm = 0\nmass_kg = 10", 100),
+    ],
+)
+def test_each_of_which_is_a_map_or_a_search_are_counted(table: str, keys: str, most: int) -> None:
+    """A load case takes a tenth of a second of ``check``: 300 took minutes."""
+    machine = ad.load("excavator_20t")
+    text = machine.text + "".join(f"\n[{table}{k}]\n{keys}\n" for k in range(most + 1))
+    said = (
+        rf"{table.rpartition('.')[0]}: a table of \d+ entries is not allowed; give .* most {most} "
+    )
+    with pytest.raises(ad.ArmDesignError, match=said):
+        ad.Machine.from_text(text, machine.urdf_text, machine.source)

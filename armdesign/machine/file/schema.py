@@ -144,7 +144,7 @@ class RequirementsSection(Section):
     cylinder_mass_kg: Annotated[float, Field(gt=0, le=1_000_000)] | None = None
     catalogue: Literal["iso", "5mm"] | None = None
     speed: dict[Name, SpeedSection] = {}
-    lift: dict[Name, LiftSection] = {}
+    lift: Annotated[dict[Name, LiftSection], Field(max_length=100)] = {}
     outline: dict[Text, OutlineSection] = {}
     clearance: dict[Name, ClearanceSection] = {}
 
@@ -423,7 +423,7 @@ class MachineSection(Section):
     frozen: dict[str, Annotated[float, Field(ge=-1e6, le=1e6)]] = {}
     damped: bool = True
     tool: PinSection
-    payload: Annotated[dict[Name, PayloadSection], Field(min_length=1)]
+    payload: Annotated[dict[Name, PayloadSection], Field(min_length=1, max_length=50)]
     fluid: FluidSection
     supply: SupplySection
     cylinder: Annotated[dict[Name, CylinderSection], Field(min_length=1)]

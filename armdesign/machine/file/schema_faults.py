@@ -27,6 +27,8 @@ from armdesign.machine.file.schema import FORMS, MachineSection
 from armdesign.machine.file.section import NAME_RULE
 from armdesign.machine.file.toml_reading import KeyLines, list_meant, number_meant
 
+FEW = 20  # entries of a table, above which a message says how many there are
+
 
 def first_fault(error: ValidationError, source: str, key_lines: KeyLines) -> MachineFileError:
     """The fault that most likely holds the remedy, and how many more there are.
@@ -111,7 +113,8 @@ def _likely_cause(value: Any, location: Location, written: str) -> tuple[str, st
 def _shown(value: Any) -> str:
     """A value as a message shows it."""
     if isinstance(value, dict):
-        return "a table" if value else "an empty table"
+        many = f" of {len(value)} entries" * (len(value) > FEW)
+        return f"a table{many}" if value else "an empty table"
     text = str(value).lower() if isinstance(value, bool) else repr(value)
     if isinstance(value, list):
         text = f"[{', '.join(_shown(item) for item in value)}]"
