@@ -171,6 +171,12 @@ URDFS: dict[str, tuple[Callable[[], str], str]] = {
         lambda: ONE.urdf_text.replace("</link>", "<a/>" * 300_000 + "</link>", 1),
         "more than 100000 elements",
     ),
+    "many attributes": (
+        lambda: ONE.urdf_text.replace(
+            "<robot ", "<robot " + " ".join(f"a{k}='1'" for k in range(300_000)) + " ", 1
+        ),
+        "element robot with more than 100 attributes",
+    ),
     "many visuals": (
         lambda: ONE.urdf_text.replace("</link>", "<visual/>" * 40_000 + "</link>", 1),
         "visuals, more than 5000",

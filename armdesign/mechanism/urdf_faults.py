@@ -31,6 +31,7 @@ KEPT = {
 }
 MOST, DEEPEST = 5_000, 500  # links, joints, visuals; joints in a row: Pinocchio recurses
 MOST_ELEMENTS, NESTED = 100_000, 50  # of XML, and within each other: a URDF has six
+MOST_ATTRIBUTES = 100  # of one: a URDF has six
 FEWER = "leave out what is not of the arm"
 MOST_FAULTS = 200  # that are told at once
 
@@ -107,7 +108,7 @@ def _lines(text: str, source: str) -> list[int]:
     lines: list[int] = []
     inside = 0
 
-    def opened(*_: object) -> None:
+    def opened(name: str, attributes: Mapping[str, str]) -> None:
         nonlocal inside
         inside += 1
         lines.append(parser.CurrentLineNumber)
@@ -116,6 +117,9 @@ def _lines(text: str, source: str) -> list[int]:
             raise MachineFileError(source, fault, FEWER, lines[-1])
         if len(lines) > MOST_ELEMENTS:
             raise MachineFileError(source, f"has more than {MOST_ELEMENTS} elements", FEWER)
+        if len(attributes) > MOST_ATTRIBUTES:
+            fault = f"has an element {name} with more than {MOST_ATTRIBUTES} attributes"
+            raise MachineFileError(source, fault, FEWER, lines[-1])
 
     def closed(_: object) -> None:
         nonlocal inside
