@@ -27,7 +27,11 @@ class ReadOnly:
     """
 
     def __post_init__(self) -> None:
-        vars(self).update({name: _read_only(value) for name, value in vars(self).items()})
+        self.__setstate__(vars(self))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Copies, and what was pickled, are read-only, too."""
+        vars(self).update({name: _read_only(value) for name, value in state.items()})
 
 
 def _read_only(value: Any) -> Any:

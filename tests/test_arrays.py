@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
+import armdesign as ad
 from armdesign.arrays import congruent, product
 
 
@@ -23,3 +27,15 @@ def test_a_congruence_turns_both_sides() -> None:
     turn, matrix = draw(size=(6, 2, 3)), draw(size=(6, 3, 3))
     expected = turn @ matrix @ np.swapaxes(turn, 1, 2)
     np.testing.assert_allclose(congruent(turn, matrix), expected, rtol=1e-13, atol=1e-14)
+
+
+def test_copies_are_read_only_too() -> None:
+    """What another process sends, and what is copied; caches, too."""
+    machine = ad.load("paper_1dof")
+    poses = machine.rigid_poses(np.array([[0.0], [0.1]]))
+    assert poses.repeated(2)
+    for other in (pickle.loads(pickle.dumps(poses)), copy.deepcopy(poses), copy.copy(poses)):
+        np.testing.assert_array_equal(other.mass_matrix, poses.mass_matrix)
+        with pytest.raises(ValueError, match="read-only"):
+            other.mass_matrix[0] = 1.0
+        assert len(other.repeated(2)) == len(other.repeated(2)) == 4

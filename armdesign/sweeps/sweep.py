@@ -139,6 +139,8 @@ def sweep(
     if workspace is not None and points is not None:
         fault = "goes not with workspace, which has poses of its own"
         raise ArmDesignError("points", fault, "leave one out")
+    if more["new"] and more["journal"] is None:
+        raise ArmDesignError("new", "is of no journal", "give journal too, or leave it out")
     chosen = changes_of(changes, more["requirements"], more["sobol"], more["seed"])
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):

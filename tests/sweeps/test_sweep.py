@@ -327,6 +327,7 @@ def test_cases_of_each_kind(tmp_path: Path) -> None:
         ),
         ({"changes": {"a": (2, 1)}, "sobol": 4}, "no range"),
         ({"changes": {"a": (1, 2)}, "seed": 4}, "seed: is of no sequence"),
+        ({"changes": {"a": (1, 2)}, "new": True}, "new: is of no journal; give journal too"),
         ({"changes": {"a": 5}, "sobol": 4}, "no range"),
         ({"changes": {"a": (False, True)}, "sobol": 4}, "no range"),
         ({"changes": {"a": (0, 10**400)}, "sobol": 4}, "no range"),

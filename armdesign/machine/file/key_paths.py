@@ -121,8 +121,8 @@ def allowed(location: Location) -> str:
         most = [limit.max_length for limit in constraints if isinstance(limit, MaxLen)]
         return f"a text of {letters}at most {most[0]} characters" if most else "a text"
     if get_origin(kind) is dict:
-        most = lengths(constraints)[1]
-        few = f"at most {most} " if most else ""
+        longest = lengths(constraints)[1]
+        few = f"at most {longest} " if longest else ""
         return f"a table of {few}named entries (names of letters a to z, digits, _ and -)"
     required = [name for name, field in kind.model_fields.items() if field.is_required()]
     return f"a table with {', '.join(required)}" if required else "a table"
