@@ -203,6 +203,8 @@ class Shaper(ReadOnly):
 
     def __mul__(self, other: Shaper) -> Shaper:
         """Both convolved, for two modes: every impulse of one at every impulse of the other."""
+        if not (self.delay and other.delay):
+            return self if self.delay else other
         times = np.add.outer(self.times, other.times).ravel()
         sizes = np.multiply.outer(self.amplitudes, other.amplitudes).ravel()
         order = np.argsort(times, kind="stable")
@@ -252,8 +254,13 @@ class Shaper(ReadOnly):
             frequency: of any shape [Hz].
             damping: ratio, or one for each frequency; None: the one that the shaper is made for,
                 of several modes that of the nearest.
+
+        Raises:
+            ArmDesignError: a damping ratio that is not allowed.
         """
         ratio = self._damping_near(frequency) if damping is None else damping
+        for worst in np.min(ratio, initial=0.0), np.max(ratio, initial=0.0):
+            _refuse(self.name, 1.0, float(worst))
         zeta = np.asarray(ratio, dtype=float)[..., None]
         omega = 2 * math.pi * np.asarray(frequency, dtype=float)[..., None]
         # e^{−ζω(t_n − t_i)}: as above, but without overflow

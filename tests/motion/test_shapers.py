@@ -239,6 +239,7 @@ def test_a_shaped_command_is_a_convolution() -> None:
         (lambda: Shaper.zvd(1.0, 1.0), r"damping ratio 1 is not in \[0, 1\); give 0.02"),
         (lambda: Shaper.ei(1.0, 0.02, 1.5), r"shaper ei: residual 1.5 is not in \[0, 1\)"),
         (lambda: Shaper.ei(1.0, 0.6), "shaper ei: damping 0.6 leaves no 5 % to tolerate"),
+        (lambda: Shaper.zvd(1.0).residual(1.0, 2.0), r"zvd: damping ratio 2 is not in \[0, 1\)"),
         (lambda: Shaper.band(2.0, 1.0), "shaper band: 1 Hz is below 2 Hz; swap them"),
         (lambda: Shaper.band(1.0, 1e4), "more than 200 impulses; narrow the band"),
     ],
@@ -276,3 +277,9 @@ def test_a_map_makes_a_shaper_for_all_its_poses_and_loads() -> None:
     both = ad.workspace_shaper(frequencies, damping=0.02, modes=2)
     assert both.residual(frequencies.frame[["f1_hz", "f2_hz"]].to_numpy()).max() <= 0.05
     assert shaper.delay < both.delay < 1.5 / frequencies.worst.frequency
+
+
+def test_none_is_the_one_of_products() -> None:
+    one, none = Shaper.zv(1.0, 0.02), Shaper.none()
+    assert (none * one).words == (one * none).words == one.words
+    assert (none * none).words == "none"
