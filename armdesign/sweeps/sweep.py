@@ -136,11 +136,7 @@ def sweep(
     """
     for name in ("outputs", "payloads"):
         refuse_unless(name, more[name], "Sequence[str] | None")
-    if workspace is not None and points is not None:
-        fault = "goes not with workspace, which has poses of its own"
-        raise ArmDesignError("points", fault, "leave one out")
-    if more["new"] and more["journal"] is None:
-        raise ArmDesignError("new", "is of no journal", "give journal too, or leave it out")
+    _refuse_together(workspace, points, more)
     chosen = changes_of(changes, more["requirements"], more["sobol"], more["seed"])
     shared, sets = (options, [{}]) if isinstance(options, Mapping) else ({}, options or [{}])
     for one in (shared, *sets):
@@ -175,6 +171,15 @@ def sweep(
     files = files_of(study.machines.values())
     with Journal(Path(more["journal"]), files, study.version, more["new"]) as journal:
         return run.answers(cases, journal)
+
+
+def _refuse_together(workspace: Workspace | None, points: Any, more: SweepOptions) -> None:
+    """Raise for arguments of which one has no meaning beside the other, or without it."""
+    if workspace is not None and points is not None:
+        fault = "goes not with workspace, which has poses of its own"
+        raise ArmDesignError("points", fault, "leave one out")
+    if more["new"] and more["journal"] is None:
+        raise ArmDesignError("new", "is of no journal", "give journal too, or leave it out")
 
 
 @dataclass(kw_only=True)
