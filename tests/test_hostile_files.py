@@ -339,7 +339,7 @@ def test_a_urdf_of_text_is_bounded_too(refused: Refused) -> None:
     ],
 )
 def test_each_of_which_is_a_map_or_a_search_are_counted(table: str, keys: str, most: int) -> None:
-    """A load case takes a tenth of a second of ``check``: 300 took minutes."""
+    """A load case takes a tenth of a second and more of ``check``, a lift a search of its own."""
     machine = ad.load("excavator_20t")
     text = machine.text + "".join(f"\n[{table}{k}]\n{keys}\n" for k in range(most + 1))
     said = (

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from armdesign.plots.canvas import Figure
 
 MOST = 4  # joints between which gains are linear; of more, gains of the nearest pose
-FLAT = 1e-9  # of the joints' ranges, by which poses are beside a line or plane
+STILL = 1e-8  # [rad, m] by which a joint that stands still differs, as tables are rounded
+FLAT = 1e-3  # of the joints' ranges, by which poses are beside a line or plane
+CLOSE = 1e-12  # of these ranges, beyond the hull: as near as floats come
+NEARER = 10  # times that a way to the hull is sought anew from its end
 INSIDE = 1 - 1e-9  # of the way from the middle of the poses to their hull, so that it is inside
 
 
@@ -147,12 +150,12 @@ class _Between:
         from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
         from scipy.spatial import ConvexHull
 
-        moving = np.flatnonzero(np.ptp(poses, axis=0) > 0)
+        moving = np.flatnonzero(np.ptp(poses, axis=0) > STILL)
         low, span = poses[:, moving].min(axis=0), np.ptp(poses[:, moving], axis=0)
         shares = (poses[:, moving] - low) / span
         middle = shares.mean(axis=0)
         _, sizes, along = np.linalg.svd(shares - middle, full_matrices=False)
-        differ = sizes > FLAT
+        differ = sizes > FLAT * np.sqrt(len(poses))
         along = np.eye(len(moving)) if differ.sum() == len(moving) else along[differ].T
         places = (shares - middle) @ along
         planes = np.empty((0, len(along.T) + 1))
@@ -172,7 +175,7 @@ class _Between:
         places = ((q[:, self.moving] - self.low) / self.span - self.middle) @ self.along
         beyond = np.flatnonzero((self._above(places) > 0).any(axis=1))
         for row in beyond:
-            places[row] = INSIDE * (places[row] + self._way_back(places[row]))
+            places[row] = INSIDE * self._on_hull(places[row])
         gains = self.linear(places)
         unknown = np.isnan(gains).any(axis=1)
         gains[unknown] = self.nearest(places[unknown])
@@ -182,14 +185,23 @@ class _Between:
         """How far places (…, k) are above each plane (…, p); inside the hull below all."""
         return np.asarray(places @ self.planes[:, :-1].T + self.planes[:, -1])
 
-    def _way_back(self, place: Array) -> Array:
-        """Shortest way (k,) to the hull: least distance programming (Lawson and Hanson 1974)."""
+    def _on_hull(self, place: Array) -> Array:
+        """The place (k,) on the hull nearest to one beyond it.
+
+        By least distance programming (Lawson and Hanson 1974), in units of the way, so that it is
+        as exact from afar.
+        """
         from scipy.optimize import nnls
 
-        rows = np.column_stack([-self.planes[:, :-1], self._above(place)]).T
-        goal = np.eye(len(rows))[-1]
-        left = rows @ nnls(rows, goal)[0] - goal
-        return np.asarray(-left[:-1] / left[-1])
+        for _ in range(NEARER):
+            above = self._above(place)
+            if (size := above.max()) <= CLOSE:
+                break
+            rows = np.column_stack([-self.planes[:, :-1], above / size]).T
+            goal = np.eye(len(rows))[-1]
+            left = rows @ nnls(rows, goal)[0] - goal
+            place = place - size * left[:-1] / left[-1]
+        return place
 
 
 def _first(gains: Array, places: Array) -> Array:

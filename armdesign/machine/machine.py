@@ -287,7 +287,7 @@ class Machine:
     def identity(self) -> list[str]:
         """Everything in which two machines can differ: texts, and parts changed since."""
         parts = (getattr(self, of.name) for of in fields(self) if of.name not in ("arm", "source"))
-        return [self.arm.xml, *map(repr, parts)]
+        return [self.arm.xml, repr(self.arm.limits.tolist()), *map(repr, parts)]
 
     @property
     def joints(self) -> tuple[str, ...]:

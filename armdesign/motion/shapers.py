@@ -123,14 +123,14 @@ class Shaper(ReadOnly):
     def band(
         cls, low: float, high: float, damping: float = 0.0, residual: float = TOLERATED
     ) -> Shaper:
-        """The shortest of equal distances whose residual stays below a limit over a band.
+        """Impulses at equal distances, the residual below a limit over a band, and short.
 
         By Dolph and Chebyshev: n + 1 impulses at distances τ have V = |T_n(x0 cos πfτ)|/T_n(x0)
         with T_n(x0) = 1/V_max, which is at most V_max from f = arccos(1/x0)/πτ to 1/τ less that.
         The least n whose band is as wide is taken. Damping turns A_i into A_i e^{−σt_i}, σ at
         the lowest frequency, as faster modes forget the first impulses anyhow. Where one forgets
         so much of them that more is left of it, V_max is lowered until all of the band is kept.
-        That damping leaves less than V_max elsewhere is not counted on: modes may have less of it.
+        It is the shortest without damping. Modes with less than the given damping keep more.
 
         Args:
             low: lowest frequency [Hz].

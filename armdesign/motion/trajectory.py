@@ -27,7 +27,7 @@ INTERVAL = 5e-3  # [s] of planned instants
 POINTS = 101  # of a leg at which limits are looked at
 SLOWER = 1.05  # step by which a leg that valves cannot follow is made slower
 SLOWEST = 100.0  # by how much at most
-FITS = 5  # times that a shaped leg is made slower, to keep the flow,
+FITS = 20  # times that a shaped leg is made slower, to keep the flow,
 SLIGHT = 1e-3  # and the share of it that may be too much
 
 
@@ -132,7 +132,7 @@ def _within_flow(leg: Leg, shaper: Shaper, pace: Array) -> Leg:
     shares = np.linspace(0.0, 1.0, len(leg.drawn))
     for _ in range(FITS):
         course = _shaped(leg.law, shaper, pace)
-        over = (np.abs(course.speed) * np.interp(course.sigma, shares, leg.drawn)).max()
+        over = (course.speed * np.interp(course.sigma, shares, leg.drawn)).max()
         if over <= 1 + SLIGHT:
             break
         leg = leg.stretched(float(over))

@@ -11,7 +11,7 @@ from armdesign.errors import ArmDesignError
 from armdesign.journal.journal import Entry
 from armdesign.journal.keys import canonical
 from armdesign.short_repr import short_repr
-from armdesign.sweeps.cases import Case
+from armdesign.sweeps.cases import OF_SWEEP, Case
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,8 +130,7 @@ def refuse_names(paths: Set[Any], options: Set[str], outputs: Set[str]) -> None:
             raise ArmDesignError("changes", f"{path!r} is no key path", remedy)
         if path in COLUMNS:
             fault = "is a column of the frame and no number of a machine file"
-            chosen = "leave it out, as frame[list(sweep.paths)] does"
-            raise ArmDesignError(f"changes.{path}", fault, chosen)
+            raise ArmDesignError(f"changes.{path}", fault, f"leave it out; in Python, {OF_SWEEP}")
     for name in options & {*COLUMNS, *paths}:
         fault = "is the name of another column"
         raise ArmDesignError(f"options.{name}", fault, "give it another name")

@@ -17,6 +17,7 @@ from armdesign.machine.changes import toml_value
 
 Changes = Mapping[str, Any]
 MOST = 1_000_000  # cases of one sweep
+OF_SWEEP = "of a sweep, [case.changes for case in sweep.cases]"  # the changes that it had
 LARGEST = 1e300  # of a range, so that its width is a number
 
 
@@ -169,8 +170,6 @@ def all_changes(
 ) -> list[Changes]:
     """Changes of every case: a mapping is a grid, a path a CSV file, a sequence a list.
 
-    What is NaN in a list changes nothing, as empty fields of a CSV file: rows of frames have that.
-
     Raises:
         ArmDesignError: changes that are none of these.
     """
@@ -186,14 +185,9 @@ def all_changes(
         if not isinstance(one, Mapping):
             fault, remedy = f"{one!r} is no case", "give values by key path"
             if hasattr(changes, "to_dict"):
-                remedy = 'of a frame, frame[paths].to_dict("records"); sweep.paths are of a sweep'
+                remedy = f'of a frame, frame.to_dict("records"), {OF_SWEEP}'
             raise ArmDesignError("changes", fault, remedy)
-    return [{path: v for path, v in one.items() if not _is_empty(v)} for one in listed]
-
-
-def _is_empty(value: Any) -> bool:
-    """Whether it is a cell of a frame in which nothing was given."""
-    return isinstance(value, float) and math.isnan(value)
+    return listed
 
 
 def by_key_path(table: Mapping[str, Any], part: str) -> Changes:

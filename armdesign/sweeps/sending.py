@@ -73,7 +73,8 @@ def received(sent: Sent) -> Study:
     own = version_of_sources()
     if sent.version != own:
         fault = f"has armdesign {own}, the study comes from {sent.version}"
-        raise ArmDesignError("worker", fault, "install the same version on all machines")
+        remedy = "install the same version on all machines, and begin Python anew after an edit"
+        raise ArmDesignError("worker", fault, remedy)
     try:
         _refuse_other_code(sent.names, sent.code)
         study: Study = pickle.loads(sent.study)

@@ -72,13 +72,13 @@ class Outcome(Entry):
 
 # with the lock of the threads of one process, which answer one case at a time; a task may sweep
 # itself, also in threads of its own
-_studies: dict[str, tuple[Study, threading.RLock]] = {}
+_studies: dict[str, tuple[Study, threading.Lock]] = {}
 _refused: dict[str, ArmDesignError] = {}  # why this process did not take a study, by its name
 
 
 def prepare(study: Study) -> None:
     """Keep a study for the cases to come."""
-    _studies[study.name] = study, threading.RLock()
+    _studies[study.name] = study, threading.Lock()
 
 
 def prepare_process(sent: Sent, parent: int) -> None:

@@ -34,6 +34,30 @@ def test_linear_within_a_box_and_clipped_beyond_it(joints: int, points: int) -> 
     np.testing.assert_allclose(between(q), of_pose(q), rtol=1e-9)
 
 
+@pytest.mark.parametrize("side", [1e-2, 1e-4, 1e-6])
+def test_a_narrow_box_seen_from_afar(side: float) -> None:
+    """A joint that hardly moves: the nearest place is still the clipped one."""
+    q = grid(4) * np.array([1.0, 1.0, side])
+    between = _Between.of(q, of_pose(q))
+    at = np.random.default_rng(3).uniform(-3.0, 5.0, (400, 3))
+    expected = of_pose(np.clip(at, q.min(axis=0), q.max(axis=0)))
+    np.testing.assert_allclose(between(at), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("off", [1e-17, 1e-10, 1e-5])
+def test_poses_hardly_off_a_plane_are_on_it(off: float) -> None:
+    """A joint that stands still but for its last digits, and poses beside a slanting plane."""
+    random, flat = np.random.default_rng(4), grid(4, 2)
+    still = np.column_stack([flat, -1.2 + off * random.normal(size=len(flat))])
+    slant = np.column_stack([flat, flat[:, 0] + off * random.normal(size=len(flat))])
+    for q in (still, slant):
+        between = _Between.of(q, of_pose(q))
+        np.testing.assert_allclose(between(q), of_pose(q), atol=3 * off + 1e-6)
+        at, step = random.uniform(-2.0, 3.0, (2, 2000, 3))
+        leap = np.abs(between(at + 1e-7 * step) - between(at)).max()
+        assert leap < 1e-4
+
+
 def test_gains_leap_nowhere() -> None:
     """Of scattered poses with gains that have nothing to do with each other, a corner cut off.
 

@@ -176,9 +176,10 @@ def test_what_is_changed_in_memory_is_another_machine_to_a_journal() -> None:
     changed = [
         dataclasses.replace(FROZEN, idle_cylinders=((heavier, linkage), *others)),
         dataclasses.replace(FROZEN, arm=other),
+        dataclasses.replace(FROZEN, arm=FROZEN.arm.within(0, -0.1, 0.1)),
         dataclasses.replace(FROZEN, section=stated),
     ]
     identities = [machine.identity for machine in (FROZEN, *changed)]
-    assert len({repr(identity) for identity in identities}) == 4
+    assert len({repr(identity) for identity in identities}) == 5
     again = Machine.from_text(FROZEN.text, FROZEN.urdf_text, FROZEN.source)
     assert again.identity == FROZEN.identity

@@ -242,6 +242,10 @@ def test_a_shaped_command_is_a_convolution() -> None:
         (lambda: Shaper.zvd(1.0).residual(1.0, 2.0), r"zvd: damping ratio 2 is not in \[0, 1\)"),
         (lambda: Shaper.band(2.0, 1.0), "shaper band: 1 Hz is below 2 Hz; swap them"),
         (lambda: Shaper.band(1.0, 1e4), "more than 200 impulses; narrow the band"),
+        (
+            lambda: Shaper.band(1.0, 35.0, 0.01, 1e-4),
+            "none keeps 0.01 % from 1 to 35 Hz at ζ = 0.0",
+        ),
     ],
 )
 def test_faults(make: Callable[[], Shaper], message: str) -> None:

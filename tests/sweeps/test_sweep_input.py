@@ -295,16 +295,20 @@ def test_arrays_are_no_options_of_functions() -> None:
     assert scalar.frame["mean"].tolist() == [4.0]
 
 
-def test_the_rows_of_a_frame_are_its_changes_again() -> None:
-    """Also where cases change different numbers: what a row has not is the file's."""
+def test_the_changes_of_a_sweep_can_be_given_again() -> None:
+    """By its cases; its frame has more columns, and NaN where a case keeps the file's number."""
     changes = [{"fluid.bulk_modulus_MPa": 900.0}, {"cylinder.lift.bore_mm": 61.0}]
     first = ad.sweep("paper_1dof", changes, points=3)
     frame = first.frame
-    again = ad.sweep("paper_1dof", frame[list(first.paths)].to_dict("records"), points=3)
+    again = ad.sweep("paper_1dof", [case.changes for case in first.cases], points=3)
     assert again.frame["error"].tolist() == ["", ""]
     assert again.frame["worst_hz"].tolist() == frame["worst_hz"].tolist()
-    with pytest.raises(ad.ArmDesignError, match=r"leave it out, as frame\[list\(sweep\.paths\)\]"):
+    with pytest.raises(ad.ArmDesignError, match=r"\[case\.changes for case in sweep\.cases\]"):
         ad.sweep("paper_1dof", frame.to_dict("records"), points=3)
+    rows = frame[list(first.paths)].to_dict("records")
+    assert (
+        ad.sweep("paper_1dof", rows, points=3).frame["error"].str.contains("nan is not all").all()
+    )
 
 
 def in_threads_of_its_own(machine: ad.Machine, _: ad.Workspace) -> dict[str, float]:

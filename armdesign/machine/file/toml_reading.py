@@ -178,6 +178,11 @@ def list_meant(written: str, count: int) -> str:
     return f"[{', '.join(map(str, items))}]" * (points != written and len(items) == count)
 
 
+def with_digits(number: str) -> str:
+    """A number as TOML has it, with a digit on both sides of its point."""
+    return re.sub(r"(?<!\d)\.", "0.", re.sub(r"\.(?!\d)", ".0", number))
+
+
 def number_meant(text: str, unit: str) -> tuple[str, str]:
     """Fault of a text where a number belongs, and the remedy; "" where there is nothing to say."""
     text = text.strip()
@@ -186,12 +191,12 @@ def number_meant(text: str, unit: str) -> tuple[str, str]:
     if _COMMA.fullmatch(text):
         return "decimal comma, and a text", with_point(text)
     if (match := _NUMBER.fullmatch(text)) and not _other_notation(match[1], match[2] or ""):
+        written = with_digits(match[1])
         if not (match[2] and unit):
-            written = match[1]
-            if "." in (written.lstrip("+-")[0], written[-1]) or ".e" in written.lower():
-                return "no digit beside the point, and a text", f"write {float(written)!r}"
+            if written != match[1]:
+                return "no digit beside the point, and a text", f"write {written}"
             return "", f"write it without quotes: {written}"
-        number = f": {match[1]}" if _same_unit(match[2], unit) else ""  # nothing is converted
+        number = f": {written}" if _same_unit(match[2], unit) else ""  # nothing is converted
         return "", f"write the number alone, in {unit}{number}"
     return "", ""
 
