@@ -129,11 +129,11 @@ def gain_schedule(
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """Gains at any pose from those at some: linear between these, the same beyond their hull.
+    """Gains at any pose from those at some: linear between these, at their nearest place beyond.
 
-    A pose beyond has the gains of the place on the hull of the poses that is nearest to it, each
-    joint by its share of their range, so that gains leap nowhere. Poses on a line or plane of
-    joint space have the gains of their foot on it.
+    That place is on the hull of the poses, distances by shares of their ranges, so that gains leap
+    nowhere. Where the poses are on a line or plane of joint space, others have the gains of their
+    foot on it.
     """
 
     moving: Array  # indices of the joints that differ

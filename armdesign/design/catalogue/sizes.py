@@ -24,7 +24,7 @@ ISO_RODS_MM = (12, 14, 16, 18, 20, 22, 25, 28, 32, 36, 40, 45, 50, 56, 63, 70, 8
                110, 125, 140, 160, 180, 200, 220)  # fmt: skip
 GRID_MM = 5  # of makers of excavators
 SAME = 1e-9  # [m]
-LARGEST = 2.0  # [m] a bore beyond it was meant in mm
+SMALLEST, LARGEST = 1e-3, 2.0  # [m] a bore below was meant in m where mm are read, beyond in mm
 FREE = "free"  # in place of a catalogue: real numbers, to 0.1 mm
 OWN = "own"  # pairs that were given
 
@@ -124,14 +124,14 @@ def _own(pairs: list[Sequence[float]]) -> Sizes:
             fault = f"{pair!r:.60} is not a pair of numbers"
             raise ArmDesignError("catalogue", fault, remedy) from None
         if not _is_cylinder(bore, rod):
-            fault = f"({bore:g}, {rod:g}) m is not 0 < rod < bore < {LARGEST:g} m"
+            fault = f"({bore:g}, {rod:g}) m is not 0 < rod < bore, {SMALLEST:g} to {LARGEST:g} m"
             raise ArmDesignError("catalogue", fault, remedy)
     return tuple(sorted({(float(bore), float(rod)) for bore, rod in pairs}))
 
 
 def _is_cylinder(bore: float, rod: float) -> bool:
     """Whether a cylinder can have bore and rod [m]; not so for NaN."""
-    return 0 < rod < bore < LARGEST
+    return 0 < rod < bore and SMALLEST <= bore < LARGEST
 
 
 def read_sizes(path: str | Path) -> Sizes:
@@ -154,7 +154,8 @@ def read_sizes(path: str | Path) -> Sizes:
             raise ArmDesignError(part, "is not a pair of numbers", remedy) from None
         if not _is_cylinder(bore, rod):
             part, fault = f"{path}: line {line}", f"rod {rod / mm:g} mm in bore {bore / mm:g} mm"
-            raise ArmDesignError(part, fault, f"give 0 < rod_mm < bore_mm < {LARGEST / mm:g}")
+            remedy = f"give 0 < rod_mm < bore_mm, {SMALLEST / mm:g} to {LARGEST / mm:g}"
+            raise ArmDesignError(part, fault, remedy)
         pairs.append((bore, rod))
     if not pairs:
         raise ArmDesignError(str(path), "has no sizes", "give a line for each")

@@ -24,7 +24,7 @@ from tests.design.designs import double, workspace_of
         ([], "is empty"),
         (
             [(140, 100)],
-            r"\(140, 100\) m is not 0 < rod < bore < 2 m; give pairs of bore and rod in metres",
+            r"\(140, 100\) m is not 0 < rod < bore, 0.001 to 2 m; give pairs of bore and rod in m",
         ),
         ([(0.1, 0.1)], "is not 0 < rod < bore"),
         ([(0.1, math.nan)], "is not 0 < rod < bore"),
@@ -63,7 +63,11 @@ def test_catalogue_file(tmp_path: Path) -> None:
         ("bore_mm,rod_mm\n", "has no sizes; give a line for each"),
         (
             "bore_mm,rod_mm\n20,30\n",
-            "line 2: rod 30 mm in bore 20 mm; give 0 < rod_mm < bore_mm < 2000",
+            "line 2: rod 30 mm in bore 20 mm; give 0 < rod_mm < bore_mm, 1 to 2000",
+        ),
+        (
+            "bore_mm,rod_mm\n0.063,0.036\n",
+            "line 2: rod 0.036 mm in bore 0.063 mm; give 0 < rod_mm < bore_mm, 1 to 2000",
         ),
     ):
         (tmp_path / "bad.csv").write_text(text, encoding="utf-8")
