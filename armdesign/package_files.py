@@ -20,7 +20,7 @@ def version_of_sources() -> str:
     root, seal = Path(__file__).parent, hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         if path.is_file():  # no editor's link to a lock
-            seal.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
+            seal.update(f"{path.relative_to(root).as_posix()}\n".encode() + path.read_bytes())
     return f"{version('armdesign')}+{seal.hexdigest()[:8]}"
 
 
