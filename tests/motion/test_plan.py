@@ -296,10 +296,10 @@ def test_the_boom_up_of_other_poses_leaves_a_twentieth(
 @pytest.mark.slow
 def test_a_chamber_that_collapses_on_the_way_needs_a_slower_move() -> None:
     """Almost no load holds stick's cap at 5 bar: at 0.7 of the force it empties and fills again
-    with every change of acceleration, and some 5.15 % are left; at half of it 0.7 %, as is planned
+    with every change of acceleration, and some 6.8 % are left; at half of it 0.7 %, as is planned
     unless a share is asked for. The sheet says so.
     """
-    poses = np.radians([[-40.0, -50.0, -20.0], [0.0, -50.0, -20.0]])
+    poses = np.radians([[-40.0, -48.0, -20.0], [0.0, -48.0, -20.0]])
     jolted = ad.plan_move(ad.load("excavator_20t"), *poses, payload="empty", share=0.7)
     assert jolted.jolts
     said = " ".join(map(str, move_sheets(jolted)))
