@@ -19,8 +19,7 @@ from uuid import uuid4
 
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.journal.journal import Entry, Journal
-from armdesign.journal.keys import digest
-from armdesign.package_files import version_of_sources
+from armdesign.journal.keys import digest, version_of_sources
 
 ANEW = "delete it to begin anew"
 

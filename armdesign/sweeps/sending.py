@@ -12,8 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from armdesign.errors import ArmDesignError, InfeasibleError
-from armdesign.journal.keys import canonical
-from armdesign.package_files import version_of_sources
+from armdesign.journal.keys import canonical, version_of_sources
 from armdesign.sweeps.reach import digests_of, names_reached
 
 if TYPE_CHECKING:

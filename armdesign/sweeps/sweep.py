@@ -16,11 +16,10 @@ from armdesign.errors import ArmDesignError, Stopped, choose
 from armdesign.frequency.workspace import Workspace
 from armdesign.journal.finished import Form, all_finished, is_keeping
 from armdesign.journal.journal import Entry, Journal
-from armdesign.journal.keys import canonical, digest, exact
+from armdesign.journal.keys import canonical, digest, exact, version_of_sources
 from armdesign.machine.changed_parts import refuse_changed_parts
 from armdesign.machine.loading import load
 from armdesign.machine.machine import Machine
-from armdesign.package_files import version_of_sources
 from armdesign.processes import may_begin
 from armdesign.progress import rounds
 from armdesign.sweeps.answers import (

@@ -17,7 +17,7 @@ import armdesign
 from armdesign.errors import ArmDesignError, InfeasibleError
 from armdesign.journal.finished import Form, all_finished, finished, keeping
 from armdesign.journal.journal import MAGIC
-from armdesign.package_files import version_of_sources
+from armdesign.journal.keys import version_of_sources
 
 FORM: Form[float] = Form(write=lambda _, x: {"x": x}, read=lambda _, answer: answer["x"])
 HOLD = """
@@ -149,7 +149,7 @@ def test_other_sources_are_another_version(tmp_path: Path) -> None:
     here = Path(armdesign.__file__).parent
     shutil.copytree(here, tmp_path / "armdesign", ignore=shutil.ignore_patterns("__pycache__"))
     surroundings = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    words = "from armdesign.package_files import version_of_sources as v; print(v())"
+    words = "from armdesign.journal.keys import version_of_sources as v; print(v())"
 
     def said() -> str:
         run = [sys.executable, "-B", "-c", words]

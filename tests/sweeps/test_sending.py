@@ -15,7 +15,7 @@ import pytest
 from joblib.externals.loky.backend.reduction import dumps
 
 import armdesign as ad
-from armdesign.package_files import version_of_sources
+from armdesign.journal.keys import version_of_sources
 from armdesign.sweeps import sending
 from armdesign.sweeps.sending import Sent, received, sent
 from armdesign.sweeps.worker import Study

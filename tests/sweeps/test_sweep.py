@@ -22,7 +22,7 @@ import armdesign as ad
 from armdesign.errors import Stopped
 from armdesign.journal.finished import keeping
 from armdesign.journal.journal import Journal
-from armdesign.package_files import version_of_sources
+from armdesign.journal.keys import version_of_sources
 from armdesign.sweeps.cases import csv_changes, grid_changes, sobol_changes
 from armdesign.sweeps.sweep import files_of
 
