@@ -43,8 +43,7 @@ def joint_ranges(
     for j in range(len(arm.joints)):
         pairs = (pair for pair in zip(linkages, cylinders, strict=True) if pair[0].joints == (j,))
         if of_joint := tuple(pairs):
-            ends = _ends if _can_be_kept(of_joint) else _ends.__wrapped__
-            ranges[j] = ends(arm, j, of_joint, end_margin, source)
+            ranges[j] = _ends(arm, j, of_joint, end_margin, source)
     ranges.setflags(write=False)
     return ranges
 
@@ -79,15 +78,6 @@ def never_within(lengths: Array, cylinder: Cylinder, end_margin: float) -> tuple
         return fault, remedy
     kept = f" ({100 * end_margin:g} % of the stroke kept free at both ends)"
     return fault + kept, f"{remedy} or end_margin"
-
-
-def _can_be_kept(pairs: tuple[Pair, ...]) -> bool:
-    """Whether these can be told apart: pins may have been given lists in memory."""
-    try:
-        hash(pairs)
-    except TypeError:
-        return False
-    return True
 
 
 @lru_cache(maxsize=64)

@@ -34,6 +34,9 @@ class Pin:
     link: str
     at: tuple[float, float, float]
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "at", tuple(self.at))  # a list has no hash
+
 
 class Actuation(Jet):
     """A length over n poses, with its derivatives by all k coordinates, zero for springs."""

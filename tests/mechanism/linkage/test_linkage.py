@@ -187,3 +187,13 @@ def test_no_other_module_asks_for_the_four_bar() -> None:
         if module not in {*OF_ONE_KIND, "mechanism.linkage.kinds"}:
             assert not [name for name in modules if name.endswith(kinds)], module
     assert not named_in
+
+
+def test_a_pin_given_a_list_is_that_of_a_tuple() -> None:
+    """Ranges are kept by linkages and cylinders, which must have a hash."""
+    machine = ad.load("paper_1dof")
+    (linkage,) = machine.linkages
+    listed: Any = list(linkage.base.at)
+    other = replace(linkage, base=Pin(link=linkage.base.link, at=listed))
+    assert hash(other) == hash(linkage)
+    assert_allclose(replace(machine, linkages=(other,)).ranges, machine.ranges, rtol=0, atol=0)
