@@ -18,9 +18,12 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 
-NUMBERS = {"integer": "whole number", "number": "number", "float": "number"}  # as typer calls them
-POINT = "give it with a decimal point and without a unit, as 8.5"
-REMEDIES = {"integer": "give one, as 3", "number": POINT, "float": POINT}
+NUMBER = "is no number; give it with a decimal point and without a unit, as 8.5"
+NUMBERS = {  # as versions of typer call them
+    "integer": "is no whole number; give one, as 3",
+    "number": NUMBER,
+    "float": NUMBER,
+}
 
 
 def refuse_empty(words: Sequence[str]) -> None:
@@ -44,7 +47,7 @@ def plainly(error: Any, words: Sequence[str]) -> str:
     for before, word in pairwise(["", *words]):
         option, equals, value = word.partition("=")
         typed = word if before in names else value if equals and option in names else typed
-    return f'{names[0]}: "{typed}" is no {NUMBERS[kind]}; {REMEDIES[kind]}'
+    return f'{names[0]}: "{typed}" {NUMBERS[kind]}'
 
 
 def option_name(annotation: Any) -> str | None:

@@ -158,14 +158,17 @@ class _Between:
         differ = sizes > FLAT * np.sqrt(len(poses))
         along = np.eye(len(moving)) if differ.sum() == len(moving) else along[differ].T
         places = (shares - middle) @ along
-        planes = np.empty((0, len(along.T) + 1))
-        nearest = linear = partial(_first, gains)
-        if len(along.T) == 1:
+        nearest: Callable[[Array], Array]
+        k = along.shape[1]
+        if k == 0:
+            nearest = partial(_first, gains)
+        elif k == 1:
             order = places[:, 0].argsort()
-            nearest = linear = partial(_on_line, places[order, 0], gains[order])
-        elif len(along.T) > 1:
-            nearest = linear = NearestNDInterpolator(places, gains)
-        if 1 < len(along.T) <= MOST:
+            nearest = partial(_on_line, places[order, 0], gains[order])
+        else:
+            nearest = NearestNDInterpolator(places, gains)
+        linear, planes = nearest, np.empty((0, k + 1))
+        if 1 < k <= MOST:
             linear = LinearNDInterpolator(places, gains)
             planes = np.unique(ConvexHull(places).equations.round(12), axis=0)
         return cls(moving, low, span, middle, along, linear, nearest, planes)

@@ -137,7 +137,7 @@ def plan_move(
         if duration is not None:
             _refuse_shorter(model, fastest, duration, share)
         way = way._replace(legs=_lasting(fastest, duration))
-        move = replace(_move(way, poses, shaper, paces, share), shortest=_duration(fastest))
+        move = _move(way, poses, shaper, paces, share, _duration(fastest))
         return replace(move, tolerance=settled, runs=_runs(move, masses, settled))
 
     return _calmest(planned, shares)
@@ -220,7 +220,9 @@ def _masses(machine: Machine, spread: float) -> tuple[float, ...]:
     return (mass, (1 - spread) * mass, (1 + spread) * mass) if mass and spread else (mass,)
 
 
-def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None, share: float) -> Move:
+def _move(
+    way: WayModes, poses: Array, shaper: Shaper, paces: Array | None, share: float, shortest: float
+) -> Move:
     """The move without runs."""
     model, legs = way.machine, way.legs
     both = [trajectory(legs, Shaper.none()), trajectory(legs, shaper, paces)]
@@ -233,7 +235,7 @@ def _move(way: WayModes, poses: Array, shaper: Shaper, paces: Array | None, shar
         frequencies=way.end,
         empty=way.empty,
         share=share,
-        shortest=_duration(legs),
+        shortest=shortest,
         duration=both[0].duration,
         lead=command_lead(model),
         planned=both[1],

@@ -260,7 +260,7 @@ class Shaper(ReadOnly):
         """
         ratio = self._damping_near(frequency) if damping is None else damping
         for worst in np.min(ratio, initial=0.0), np.max(ratio, initial=0.0):
-            _refuse(self.name, 1.0, float(worst))
+            _refuse_damping(self.name, float(worst))
         zeta = np.asarray(ratio, dtype=float)[..., None]
         omega = 2 * math.pi * np.asarray(frequency, dtype=float)[..., None]
         # e^{−ζω(t_n − t_i)}: as above, but without overflow
@@ -331,11 +331,16 @@ class Shaper(ReadOnly):
 
 
 def _refuse(name: str, frequency: float, damping: float) -> None:
-    part = f"shaper {name}"
     if not (math.isfinite(frequency) and frequency > 0):
-        raise ArmDesignError(part, f"{frequency:g} Hz is no frequency", "give a positive one")
+        fault = f"{frequency:g} Hz is no frequency"
+        raise ArmDesignError(f"shaper {name}", fault, "give a positive one")
+    _refuse_damping(name, damping)
+
+
+def _refuse_damping(name: str, damping: float) -> None:
     if not 0 <= damping < 1:
-        raise ArmDesignError(part, f"damping ratio {damping:g} is not in [0, 1)", "give 0.02")
+        fault = f"damping ratio {damping:g} is not in [0, 1)"
+        raise ArmDesignError(f"shaper {name}", fault, "give 0.02")
 
 
 def _refuse_residual(name: str, residual: float, least: float = 0.0) -> None:

@@ -24,9 +24,10 @@ def least_sentence(design: Design, of: str, frequency: float, units: Units = WOR
     """
     before, after = amounts(design, of)
     unit = {"oil": "m³", "flow": "m³/s", "mass": "kg"}[of]
-    size = {"m³": litre, "kg": 1.0}.get(unit)
-    digits = max(2 - math.floor(math.log10(before / (size or 1.0))), 0)  # three that count
-    decimals = digits if size and (unit == "kg" or units is WORKSHOP) else None
+    decimals = None
+    if of == "mass" or (of == "oil" and units is WORKSHOP):  # three digits that count
+        shown = before if of == "mass" else before / litre
+        decimals = max(2 - math.floor(math.log10(shown)), 0)
     one, other = (units.number(amount, unit, decimals) for amount in (before, after))
     change = percent(after / before - 1)
     today, new = (f"{m.worst.frequency:.3f}" for m in (design.before, design.after))
