@@ -70,17 +70,24 @@ def supply(section: SupplySection) -> Supply:
 
 
 def coordinates(section: MachineSection) -> tuple[Any, ...]:
-    """Keys of a machine file on which an arm depends: links, joints, and where others stand."""
+    """Keys of a machine file on which an arm depends: links, joints, where others stand, tool."""
     standing = [(spring.joint, spring.at) for spring in springs_of(section)]
-    return section.urdf, section.links, section.joints, section.frozen, standing
+    tool = section.tool.link
+    return section.urdf, section.links, section.joints, section.frozen, standing, tool
 
 
 def arm(section: MachineSection, urdf_text: str, source: str) -> Arm:
     """The arm of a URDF or of ``[links]``, whose numbers have been checked in the file."""
-    keys = section.joints, section.frozen
-    if section.links:
-        return Arm(urdf_text, *keys, source, springs_of(section), of_links=True)
-    return Arm(urdf_text, *keys, str(section.urdf), springs_of(section))
+    whence, of_links = (source, True) if section.links else (str(section.urdf), False)
+    return Arm(
+        urdf_text,
+        section.joints,
+        section.frozen,
+        whence,
+        springs_of(section),
+        of_links=of_links,
+        tool=section.tool.link,
+    )
 
 
 def springs_of(section: MachineSection) -> tuple[Spring, ...]:

@@ -42,6 +42,8 @@ class Arm:
         source: file name for messages.
         springs: passive joints, coordinates after the others.
         of_links: whether the URDF stands for ``[links]``, whose faults have been looked for.
+        tool: link of the tool, on the way to which are the slews; default: what the last of the
+            joints moves.
 
     Attributes:
         joints: joints of poses, in the order of q (nq).
@@ -59,8 +61,9 @@ class Arm:
         source: str,
         springs: Sequence[Spring] = (),
         of_links: bool = False,
+        tool: str = "",
     ) -> None:
-        self.source, self.of_links = source, of_links
+        self.source, self.of_links, self.tool = source, of_links, tool
         read = read_urdf(urdf, joints, frozen, source, springs, checked=of_links)
         self.xml, self.coordinates, self.links = read
         self.joints = self.coordinates[: len(joints)]
@@ -138,11 +141,12 @@ class Arm:
 
     @cached_property
     def slews(self) -> Slews:
-        """Joints that turn the whole arm about an upright axis."""
+        """Joints that turn the whole arm about an upright axis, be there a dozer blade beside it."""
         zero = self.zero
         frames = zero.rotation[0], zero.translation[0], zero.axis[0]
         springs = range(len(self.joints), len(self.coordinates))
-        return slews_of(self.coordinates, self.outwards, frames, [*self.links.values()], springs)
+        chain = self.chain(self.tool or self.carried(len(self.joints) - 1))
+        return slews_of(self.coordinates, chain, frames, [*self.links.values()], springs)
 
     @property
     def slewing(self) -> dict[int, float]:

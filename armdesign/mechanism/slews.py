@@ -1,5 +1,6 @@
 """Slews: joints that turn the whole arm about an axis that is upright, or nearly so.
 
+The arm is what moves the tool: a dozer blade or a counterweight beside it is none of it.
 Their axes are nearer to the vertical than to the horizontal, so that a base that is not level has
 them too, and one that rocks on a spring. The ground is level and at the height of the root.
 """
@@ -94,7 +95,7 @@ def is_upright(joint: Joint | Frozen, axis: Array) -> bool:
 
 def slews_of(
     coordinates: Sequence[Joint],
-    outwards: Sequence[int],
+    chain: Sequence[int],
     frames: tuple[Array, Array, Array],
     links: Sequence[Link],
     springs: Collection[int],
@@ -105,24 +106,23 @@ def slews_of(
 
     Args:
         coordinates: joints that move (k).
-        outwards: these from the root out.
+        chain: those of these that move the tool, from the root out.
         frames: theirs, at 0: rotations (k, 3, 3), origins (k, 3) [m] and axes (k, 3).
         links: of the arm, from the root out.
         springs: which of the coordinates are springs.
     """
     rotation, places, axes = frames
     found, rocking, sprung = list[int](), set[int](), set[int]()
-    for index in outwards:
-        joint = coordinates[index]
-        siblings = sum(other.parent == joint.parent for other in coordinates)
-        if siblings > 1 or joint.parent not in (-1, *found, *rocking):
-            continue
-        if is_upright(joint, axes[index]):
+    for index in chain:
+        if is_upright(coordinates[index], axes[index]):
             found.append(index)
             sprung |= {index} if rocking else set()
         elif index in springs:
             rocking.add(index)
-    at_root = [seen_from_root(one, rotation, places) for one in _carrying(links, rocking)]
+        else:
+            break
+    moved = {*chain} - rocking
+    at_root = [seen_from_root(one, rotation, places) for one in _carrying(links, moved)]
     by_axis, by_place = ({j: of[j] for j in found} for of in (axes, places))
     return Slews(
         axes=by_axis,
@@ -133,12 +133,14 @@ def slews_of(
     )
 
 
-def _carrying(links: Sequence[Link], rocking: Collection[int]) -> list[tuple[int, Frozen]]:
-    """Frozen joints that carry all that other joints move, from the root out.
+def _carrying(links: Sequence[Link], moved: Collection[int]) -> list[tuple[int, Frozen]]:
+    """Frozen joints that carry all that some coordinates move, from the root out.
 
     Each after the coordinate that carries it itself, −1 for none.
     """
-    frozen = [link.frozen for link in links if link.joint >= 0 and link.joint not in rocking]
+    frozen = [link.frozen for link in links if link.joint in moved]
+    if not frozen:
+        return []
     names = set[str].intersection(*({one.name for one in each} for each in frozen))
     carrier = carriers(links)
     return [(carrier[one.name], one) for one in frozen[0] if one.name in names]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import armdesign as ad
 from armdesign import Machine
 from armdesign.machine.tipping import centre_ahead, tipping_masses
-from tests.machines import BOOM, FOLD, LIFT, STICK, Joint, build
+from tests.machines import BOOM, FOLD, LIFT, STICK, CylinderSpec, Joint, build
 from tests.slewing_tables import MOTOR, stability
 from tests.sprung import spring
 
@@ -112,6 +112,32 @@ def test_a_frozen_slew_is_one_that_stands_there(lean: tuple[float, float], turn:
     turned = np.column_stack([np.full(len(q), turn), q])
     tips, places = [], []
     for machine, at in ((free, turned), (frozen, q)):
+        rigid = machine.rigid_poses(at)
+        tool = machine.arm.point(rigid, "stick", np.array([4.0, 0.0, 0.1]))
+        places.append(machine.heading.reach(at, tool))
+        tips.append(tipping_masses(machine, rigid, machine.heading.ahead(at, tool)))
+    assert np.isfinite(tips[0]).all()
+    np.testing.assert_allclose(*tips, rtol=1e-9)
+    np.testing.assert_allclose(*places, rtol=1e-12)
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_blade_beside_a_slew_leaves_it_one(frozen: bool) -> None:
+    """A blade of a microgram, which a cylinder lifts: the machine tips and heads as without it."""
+    order = ["boom", "stick"] if frozen else ["column", "boom", "stick"]
+    blade = Joint("blade", "root", xyz=(0.9, 0, 0.4), mass=1e-9)
+    lift = replace(LIFT, base=("column", (0.7, 0, 0.1)))
+    raises = CylinderSpec("blade", ("root", (0.5, 0, 0.8)), ("blade", (0.35, 0, 0.05)))
+    joints = [COLUMN, replace(BOOM, parent="column"), STICK, blade]
+    more = STABILITY if frozen else MOTOR + STABILITY
+    beside = build(
+        joints, [lift, FOLD, raises], order=["blade", *order], payload=("stick", (1, 0, 0)),
+        more=more,
+    )  # fmt: skip
+    alone = build(joints[:3], [lift, FOLD], order=order, payload=("stick", (1, 0, 0)), more=more)
+    q = np.array([[2.2, 0.2, 0.1], [-0.5, -0.2, -0.2]])[:, -len(order) :]
+    tips, places = [], []
+    for machine, at in ((alone, q), (beside, np.column_stack([[0.1, -0.1], q]))):
         rigid = machine.rigid_poses(at)
         tool = machine.arm.point(rigid, "stick", np.array([4.0, 0.0, 0.1]))
         places.append(machine.heading.reach(at, tool))
