@@ -27,21 +27,28 @@ def without_idle_changes(
     """The machine with every cylinder as it is today whose changes gain next to nothing.
 
     A cylinder keeps its new size where today's is none of the catalogue; if it has own masses,
-    which follow sizes and pins, it is then left as it was found.
+    which follow sizes and pins, it is then left as it was found. One that the oil of others keeps
+    from its old size is tried again once these are back.
     """
-    problem, least = search.problem, best.judged * (1 - NOTHING)
-    for i in range(len(problem.machine.cylinders)):
-        x = search.x.copy()
-        entries = list(problem.vector.moves(i))
-        x[entries] = problem.vector.start[entries]
-        if entries and search.trial(x).squared.min() < search.squared * (1 - WORTH):
-            continue
-        for changes in _back(best, problem, i, sizes):
-            other = CheckedMachine.of(best.machine.replace(changes), best.problem)
-            if other.allowed and other.judged >= least:
-                best = other
-                break
+    problem, least, before = search.problem, best.judged * (1 - NOTHING), None
+    idle = [i for i in range(len(problem.machine.cylinders)) if not _is_worth(search, i)]
+    while best is not before:
+        before = best
+        for i in idle:
+            for changes in _back(best, problem, i, sizes):
+                other = CheckedMachine.of(best.machine.replace(changes), best.problem)
+                if other.allowed and other.judged >= least:
+                    best = other
+                    break
     return best
+
+
+def _is_worth(search: Search, i: int) -> bool:
+    """Whether the pins of a cylinder gain more than next to nothing, before all is drawn."""
+    x, start = search.x.copy(), search.problem.vector.start
+    entries = list(search.problem.vector.moves(i))
+    x[entries] = start[entries]
+    return bool(entries) and search.trial(x).squared.min() < search.squared * (1 - WORTH)
 
 
 def _back(
