@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 import armdesign as ad
+from armdesign.design.program.problem import Problem
+from armdesign.design.search.idle_changes import without_idle_changes
+from armdesign.design.search.rounding import CheckedMachine
+from armdesign.design.search.sequential_sdp import Search
 from armdesign.units import mm
 
 OWN = [(100 * mm, 56 * mm), (50 * mm, 35 * mm)]  # sizes of today's cylinders
@@ -50,3 +54,25 @@ def test_a_telescopes_size_stays_where_sizes_alone_vary(
     assert lift.bore > 103 * mm
     assert (telescope.bore, telescope.rod) == pytest.approx((50 * mm, 35 * mm))
     assert design.gain > 0.02
+
+
+def test_a_cylinder_is_tried_again_once_the_oil_that_kept_it_is_back() -> None:
+    """The lift cylinder's bore was lessened for the telescope's, which gains nothing.
+
+    It comes first in the file: with the telescope's larger bore its own old one is too much oil.
+    """
+    machine = ad.load("loader_crane")
+    space = ad.Workspace.grid(machine, points=3)
+    shares = {"lift": 0.8, "torque": 0.8, "buckling": 0.8, "thrust": 1.2, "oil_each": 1.6}
+    shares |= {"oil_total": 1.0}
+    given = {f"{name}_share": share for name, share in shares.items()}
+    problem = Problem.of(machine, space, ad.Requirements.of(machine, **given), ("areas",))
+    larger = {"cylinder.extension.bore_mm": 51.0}
+    new, first = (
+        CheckedMachine.of(machine.replace(changes), problem)
+        for changes in (larger | {"cylinder.lift.bore_mm": 98.5}, larger)
+    )
+    assert new.allowed
+    assert not first.allowed
+    search = Search(problem=problem, x=problem.vector.start).look()
+    assert without_idle_changes(new, search, None).machine.cylinders == machine.cylinders
