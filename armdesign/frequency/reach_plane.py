@@ -17,7 +17,6 @@ from armdesign.frequency.spread import edge_poses
 from armdesign.machine import reaching
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
-from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.rigid_poses import RigidPoses
 
 STARTS = 6  # per cell on each edge of the joint ranges
@@ -145,20 +144,10 @@ def place_and_pitch(machine: Machine, q: Array, payload: LoadCase | None) -> tup
     place, slope = place_and_slopes(machine, q)
     if payload is None or payload.link is None:
         return place, slope
-    arm, rigid = machine.arm, machine.arm.kinematics(q)
-    pitch = payload.limited_angle(arm, rigid)
-    pitching = pitch_slopes(arm, rigid, payload.link, tuple(range(q.shape[1])))
+    heading, rigid = machine.heading, machine.arm.kinematics(q)
+    pitch = payload.limited_angle(heading, rigid)
+    pitching = heading.pitch_slopes(rigid, payload.link, tuple(range(q.shape[1])))
     return np.column_stack([place, pitch]), np.concatenate([slope, pitching[:, None]], axis=1)
-
-
-def pitch_slopes(arm: Arm, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> Array:
-    """Slopes (n, k) by k joints of the pitch of a link, as ``Arm.pitch`` has it."""
-    x, y = (arm.direction(poses, link, one, arm.root, joints) for one in np.eye(3)[:2])
-    (x0, x1, up), (y0, y1, _) = x.value.T[..., None], y.value.T[..., None]
-    (dx0, dx1, rise), (dy0, dy1, _) = np.moveaxis(x.first, 2, 0), np.moveaxis(y.first, 2, 0)
-    forward = x0 * y1 - x1 * y0
-    onward = dx0 * y1 + x0 * dy1 - dx1 * y0 - x1 * dy0
-    return np.asarray((forward * rise - up * onward) / (forward**2 + up**2))
 
 
 def place_and_slopes(machine: Machine, q: Array) -> tuple[Array, Array]:

@@ -62,11 +62,11 @@ def onto_pitch_limit(
     own, step = np.eye(q.shape[1])[joint], 0.1
     turns = np.ones(len(q), dtype=bool)
     for _ in range(8):
-        pitch = payload.limited_angle(machine.arm, machine.arm.kinematics(q))
+        pitch = payload.limited_angle(machine.heading, machine.arm.kinematics(q))
         error = wrapped(limit - pitch)
         if np.abs(error[turns]).max(initial=0.0) < 1e-13:
             break
-        ahead = payload.limited_angle(machine.arm, machine.arm.kinematics(q + step * own))
+        ahead = payload.limited_angle(machine.heading, machine.arm.kinematics(q + step * own))
         slope = wrapped(ahead - pitch) / step
         turns = np.abs(slope) > SMALLEST_SLOPE
         q = q + (error / np.where(turns, slope, np.inf))[:, None] * own

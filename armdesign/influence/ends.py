@@ -99,7 +99,7 @@ class Ends:
             above = _loads(self.machine, family.at(q, self.machine.payload.name))[:, end.index]
             return above if end.upper else -above
         case, rigid = self.machine.payload, self.machine.arm.kinematics(q)
-        return case.room(self.machine.arm, rigid, upper=end.upper)
+        return case.room(self.machine.heading, rigid, upper=end.upper)
 
     def slopes(self, family: Family, q: Array) -> Array:
         """∂(room)/∂q (n, m, nq) by differences of fourth order."""

@@ -161,7 +161,7 @@ def _of_pitch(inspection: Inspection, name: str, units: Units) -> Iterator[Oddit
     case = inspection.cases[name].machine.payload
     low, high = case.limits
     middle, half = (low + high) / 2, (high - low) / 2
-    placed = inspection.machine.arm, inspection.workspace.rigid
+    placed = inspection.machine.heading, inspection.workspace.rigid
     inside = case.from_middle(*placed)[case.exists(*placed)]
     if inside.min() > -half + PITCH_REACHED or inside.max() < half - PITCH_REACHED:
         reached = units.span(middle + inside.min(), middle + inside.max(), "rad")

@@ -51,6 +51,33 @@ class Heading(ReadOnly):
         level = turned / np.linalg.norm(turned, axis=1, keepdims=True)
         return np.broadcast_to(level, (len(z), 2))
 
+    def pitch(self, poses: RigidPoses, link: str) -> Array:
+        """Pitch of a link's x axis up from forward (n,) [rad], square to its y axis."""
+        x, y = np.moveaxis(self.arm.link_rotation(poses, link)[:, :, :2], (2, 1), (0, 1))
+        onward = x[0] * y[1] - x[1] * y[0]  # of x, along the level direction square to y
+        return np.arctan2(x[2], self._side(link) * onward)
+
+    def pitch_slopes(self, poses: RigidPoses, link: str, joints: tuple[int, ...]) -> Array:
+        """Slopes (n, k) by k joints of the pitch of a link."""
+        x, y = (
+            self.arm.direction(poses, link, one, self.arm.root, joints) for one in np.eye(3)[:2]
+        )
+        (x0, x1, up), (y0, y1, _) = x.value.T[..., None], y.value.T[..., None]
+        (dx0, dx1, rise), (dy0, dy1, _) = np.moveaxis(x.first, 2, 0), np.moveaxis(y.first, 2, 0)
+        onward = x0 * y1 - x1 * y0
+        further = dx0 * y1 + x0 * dy1 - dx1 * y0 - x1 * dy0
+        slopes = (onward * rise - up * further) / (onward**2 + up**2)
+        return np.asarray(self._side(link) * slopes)
+
+    def _side(self, link: str) -> float:
+        """1 if a link's y axis points to the left while all joints are at 0, −1 if to the right.
+
+        A frame that is rolled about its x axis has the same pitch.
+        """
+        left = np.cross(self.arm.slews.axis, self.forward)
+        y = self.arm.link_rotation(self.arm.zero, link)[0, :, 1]
+        return -1.0 if float(y @ left) < -LEVEL else 1.0
+
     def ahead(self, q: Array, place: Array) -> Array:
         """Level distance of places (n, 3) ahead of the slew axis on the ground (n,) [m]."""
         return np.einsum("ni,ni->n", place[:, :2] - self.arm.slews.foot, self.at(q))

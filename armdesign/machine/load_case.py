@@ -11,7 +11,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags
 from armdesign.errors import ArmDesignError, choose
-from armdesign.mechanism.arm import Arm
+from armdesign.machine.heading import Heading
 from armdesign.mechanism.rigid_poses import RigidPoses
 
 PITCH_TOLERANCE = 1e-8  # [rad] a link tipped this far beyond its pitch limit still counts as on it
@@ -48,13 +48,13 @@ class LoadCase:
         """Where the machine file gives the limits."""
         return "payload", self.like or self.name, "pitch_deg"
 
-    def limited_angle(self, arm: Arm, rigid: RigidPoses) -> Array:
+    def limited_angle(self, heading: Heading, rigid: RigidPoses) -> Array:
         """Angle of which limits end the poses of the load case: pitch of its link (n,) [rad]."""
-        return arm.pitch(rigid, str(self.link))
+        return heading.pitch(rigid, str(self.link))
 
-    def from_middle(self, arm: Arm, rigid: RigidPoses) -> Array:
+    def from_middle(self, heading: Heading, rigid: RigidPoses) -> Array:
         """Limited angle from the middle of its limits, within half a turn (n,) [rad]."""
-        return self.offset(self.limited_angle(arm, rigid))
+        return self.offset(self.limited_angle(heading, rigid))
 
     def offset(self, angle: Array) -> Array:
         """A limited angle (n,) from the middle of its limits, within half a turn [rad]."""
@@ -62,13 +62,13 @@ class LoadCase:
         turn = angle - (low + high) / 2
         return np.asarray(np.arctan2(np.sin(turn), np.cos(turn)))
 
-    def room(self, arm: Arm, rigid: RigidPoses, *, upper: bool) -> Array:
+    def room(self, heading: Heading, rigid: RigidPoses, *, upper: bool) -> Array:
         """Angle left to the upper limit or the lower one (n,) [rad]."""
         low, high = self.limits
-        offset = self.from_middle(arm, rigid)
+        offset = self.from_middle(heading, rigid)
         return np.asarray((high - low) / 2 - (offset if upper else -offset))
 
-    def pitch_excess(self, arm: Arm, rigid: RigidPoses) -> Array:
+    def pitch_excess(self, heading: Heading, rigid: RigidPoses) -> Array:
         """Angle by which the link is tipped out of its pitch range (n,) [rad].
 
         Negative where the link holds the load, zero on a limit; −inf for a case without a pitch
@@ -76,16 +76,16 @@ class LoadCase:
         """
         if not self.limits:
             return np.full(len(rigid), -np.inf)
-        return self.excess(self.limited_angle(arm, rigid))
+        return self.excess(self.limited_angle(heading, rigid))
 
     def excess(self, angle: Array) -> Array:
         """What a limited angle (n,) is beyond its limits [rad]; negative within them."""
         low, high = self.limits
         return np.asarray(np.abs(self.offset(angle)) - (high - low) / 2)
 
-    def exists(self, arm: Arm, rigid: RigidPoses) -> Flags:
+    def exists(self, heading: Heading, rigid: RigidPoses) -> Flags:
         """Whether the load case exists at each pose (n,)."""
-        return np.asarray(self.pitch_excess(arm, rigid) <= PITCH_TOLERANCE)
+        return np.asarray(self.pitch_excess(heading, rigid) <= PITCH_TOLERANCE)
 
 
 NO_LOAD = LoadCase(name="nothing")

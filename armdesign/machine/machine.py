@@ -367,11 +367,11 @@ class Machine:
 
     def pitch_excess(self, rigid: RigidPoses, payload: LoadCase) -> Array:
         """Angle by which the load case's link is tipped out of its pitch range (n,) [rad]."""
-        return payload.pitch_excess(self.arm, rigid)
+        return payload.pitch_excess(self.heading, rigid)
 
     def holds(self, q: ArrayLike | RigidPoses, payload: LoadCase | None = None) -> Flags:
         """Whether the load case exists at each pose (n,): its link's pitch lies in its range."""
-        return (payload or self.payload).exists(self.arm, self._placed(q))
+        return (payload or self.payload).exists(self.heading, self._placed(q))
 
     def _placed(self, q: ArrayLike | RigidPoses) -> RigidPoses:
         """Placements at q (n, nq), if they are not known already."""

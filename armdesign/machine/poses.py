@@ -370,7 +370,7 @@ def refuse_unheld(machine: Machine, q: ArrayLike) -> None:
         return
     first = machine.arm.kinematics(positions[unheld][:1])
     low, high = case.limits
-    nearest = (low + high) / 2 + case.from_middle(machine.arm, first)[0]
+    nearest = (low + high) / 2 + case.from_middle(machine.heading, first)[0]
     fault = (
         f"the {case.link} has a pitch of {nearest / deg:.1f}°"
         f" at {pose_text(machine, positions[unheld][0])}, it holds the load at"

@@ -141,7 +141,7 @@ class Arm:
 
     @cached_property
     def slews(self) -> Slews:
-        """Joints that turn the whole arm about an upright axis, be there a dozer blade beside it."""
+        """Joints that turn all that moves the tool about an upright axis."""
         zero = self.zero
         frames = zero.rotation[0], zero.translation[0], zero.axis[0]
         springs = range(len(self.joints), len(self.coordinates))
@@ -334,12 +334,6 @@ class Arm:
             return both
 
         return VectorJet(vector, first, second)
-
-    def pitch(self, poses: RigidPoses, link: str) -> Array:
-        """Pitch of a link's x axis up from forward (n,) [rad], square to its y axis."""
-        x, y = np.moveaxis(self.link_rotation(poses, link)[:, :, :2], (2, 1), (0, 1))
-        forward = x[0] * y[1] - x[1] * y[0]  # of x, along the level direction square to y
-        return np.arctan2(x[2], forward)
 
     # ------------------------------------------------------------------------------ rigid bodies
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 import armdesign as ad
-from armdesign.frequency.reach_plane import pitch_slopes
 from armdesign.frequency.spread import onto_pitch_limit, tipping_joints
+from armdesign.machine.heading import Heading
 from armdesign.mechanism.arm import Arm
 from tests import machines
 from tests.frequency.cached import workspace
@@ -25,7 +25,7 @@ def test_poses_on_the_pitch_limits_belong_to_it(excavator: ad.Machine) -> None:
     assert on_limit.sum() > 50
     assert excavator.holds(space.q[on_limit]).all()
     pitch = (
-        np.rad2deg(excavator.arm.pitch(excavator.arm.kinematics(space.q[on_limit]), "bucket"))
+        np.rad2deg(excavator.heading.pitch(excavator.arm.kinematics(space.q[on_limit]), "bucket"))
         % 360
     )
     assert_allclose(np.minimum(abs(pitch - 120), abs(pitch - 240)), 0, atol=1e-6)
@@ -55,10 +55,11 @@ def test_slopes_of_the_pitch_are_what_it_changes_by() -> None:
     ]
     joints, step = ["boom", "stick", "bucket"], 1e-6
     arm = Arm(machines.urdf([machines.BOOM, *tilted]), joints, {}, "test.urdf")
+    heading = Heading(arm=arm, forward=np.array([1.0, 0, 0]))
     q = np.random.default_rng(3).uniform(-0.3, 0.3, (20, 3))
     for link in joints:
-        slopes = pitch_slopes(arm, arm.kinematics(q), link, (0, 1, 2))
+        slopes = heading.pitch_slopes(arm.kinematics(q), link, (0, 1, 2))
         for joint, one in enumerate(step * np.eye(3)):
-            ahead, behind = (arm.pitch(arm.kinematics(q + way * one), link) for way in (1, -1))
+            ahead, behind = (heading.pitch(arm.kinematics(q + way * one), link) for way in (1, -1))
             assert_allclose(slopes[:, joint], (ahead - behind) / (2 * step), atol=1e-8)
     assert np.ptp(slopes, axis=0).max() > 0.01

@@ -219,3 +219,25 @@ def test_what_rolls_does_not_turn_an_arm(order: list[str], springs: int) -> None
         more="".join(SPRING.format(one.name) for one in below),
     )
     np.testing.assert_allclose(machine.heading.forward, [1, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.0, math.pi, 1.0])
+@pytest.mark.parametrize("rolled", [False, True])
+def test_a_pitch_is_of_the_x_axis_however_a_frame_is_rolled_about_it(
+    turn: float, rolled: bool
+) -> None:
+    """Its rise over its way along forward; the file may turn the arm about the vertical."""
+    stick = replace(STICK, rpy=(math.pi, 0.7, 0), axis=(0, 1, 0)) if rolled else STICK
+    base = Joint("base", "root", rpy=(0, 0, turn), kind="fixed")
+    lift = replace(LIFT, base=("base", (0.7, 0, 0.1)))
+    fold = replace(FOLD, rod_end=("stick", (-0.4, 0, -0.25 if rolled else 0.25)))
+    joints = [base, replace(BOOM, parent="base"), stick]
+    machine = build(joints, [lift, fold], order=["boom", "stick"], payload=("stick", (1.5, 0, 0)))
+    rigid = machine.rigid_poses(inner_poses(machine, 9))
+    x = machine.arm.link_rotation(rigid, "stick")[:, :, 0]
+    forward = np.array([math.cos(turn), math.sin(turn), 0])
+    pitch = machine.heading.pitch(rigid, "stick")
+    np.testing.assert_allclose(pitch, np.arctan2(x[:, 2], x @ forward), atol=1e-12)
+    assert np.ptp(pitch) > 0.2
+    slopes = machine.heading.pitch_slopes(rigid, "stick", (0, 1))
+    np.testing.assert_allclose(slopes, 1.0, rtol=1e-12)  # both joints raise it

@@ -107,11 +107,11 @@ def test_a_design_takes_the_cylinders_own_masses_along() -> None:
 def test_what_limits_its_poses_is_one_angle(loaded: ad.Machine) -> None:
     """The nearer limit's room is what the case may still tip; without limits there is no end."""
     empty, full = (case for case in loaded.payloads if case.name in ("empty", "full"))
-    arm, rigid = loaded.arm, loaded.arm.kinematics(ad.Workspace.grid(loaded, points=5).q)
-    rooms = [full.room(arm, rigid, upper=upper) for upper in (False, True)]
-    assert_allclose(np.minimum(*rooms), -full.pitch_excess(arm, rigid), atol=1e-12)
+    heading, rigid = loaded.heading, loaded.arm.kinematics(ad.Workspace.grid(loaded, points=5).q)
+    rooms = [full.room(heading, rigid, upper=upper) for upper in (False, True)]
+    assert_allclose(np.minimum(*rooms), -full.pitch_excess(heading, rigid), atol=1e-12)
     assert_allclose(np.sum(rooms, axis=0), np.deg2rad(120), rtol=1e-12)  # 120…240 deg
-    assert np.array_equal(full.exists(arm, rigid), np.minimum(*rooms) >= -1e-8)
-    assert 0 < full.exists(arm, rigid).sum() < len(rigid)
+    assert np.array_equal(full.exists(heading, rigid), np.minimum(*rooms) >= -1e-8)
+    assert 0 < full.exists(heading, rigid).sum() < len(rigid)
     assert empty.limits == ()
-    assert empty.exists(arm, rigid).all()
+    assert empty.exists(heading, rigid).all()
