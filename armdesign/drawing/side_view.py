@@ -238,7 +238,9 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
     drawn_bodies = known.bodies if known is not None else bodies(machine)
     where = {link: index for index, body in enumerate(drawn_bodies) for link in body.links}
     placements = np.stack([plane.placements(poses, body.link) for body in drawn_bodies], axis=1)
-    pins, points, cylinders, bars, lengths = _between_pins(machine, poses, where)
+    pins, points, cylinders, bars, lengths = _between_pins(
+        machine, (poses, arm.kinematics(z)), where
+    )
     loads = [load for load in machine.payloads if load.link is not None and load.mass > 0]
     return SideView(
         bodies=drawn_bodies,
@@ -302,9 +304,13 @@ def _coordinates(machine: Machine, q: ArrayLike) -> Array:
 
 
 def _between_pins(
-    machine: Machine, poses: RigidPoses, where: dict[str, int]
+    machine: Machine, drawn_and_real: tuple[RigidPoses, RigidPoses], where: dict[str, int]
 ) -> tuple[list[PinPoint], list[Array], list[CylinderShape], list[Bar], list[Array]]:
-    """Pins and their places in the world, cylinders and bars between them, pin-to-pin lengths."""
+    """Pins and their places as drawn, cylinders and bars between them, real pin-to-pin lengths.
+
+    Slewing, which is not drawn, changes the length of a cylinder across a slew.
+    """
+    poses, real = drawn_and_real
     pins, points, lengths = list[PinPoint](), list[Array](), list[Array]()
     cylinders, bars = list[CylinderShape](), list[Bar]()
     for cylinder, linkage, idle in shown_cylinders(machine):
@@ -316,13 +322,13 @@ def _between_pins(
             pins.append(PinPoint(name=label, link=pin.link, at=pin.at, body=body))
             points.append(linkage.point(poses, pin))
         with np.errstate(invalid="ignore"):
-            base, end = linkage.ends(poses)
+            _, end = linkage.ends(poses)
+            lengths.append(np.linalg.norm(np.subtract(*linkage.ends(real)), axis=1))
         index = {name: first + i for i, name in enumerate(linkage.pin_names)}
         if (rod_end := linkage.rod_end_name) not in index:
             index[rod_end] = len(pins)
             pins.append(PinPoint(name=f"{cylinder.name}.{rod_end}"))
             points.append(end)
-        lengths.append(np.linalg.norm(end - base, axis=1))
         ends = (index["base"], index[rod_end])
         cylinders.append(_shape(machine, cylinder, ends, idle))
         for leg, pin in linkage.legs:

@@ -102,7 +102,7 @@ class Inspection:
                     return f"{cylinder.name} in"
                 if abs(length - cylinder.open_length) < near:
                     return f"{cylinder.name} out"
-        return "one turn" if machine.arm.joints[joint].endless else "joint limit"
+        return "one turn" if machine.arm.joints[joint].without_ends else "joint limit"
 
     def poses_of(self, cylinder: int) -> RigidPoses:
         """Poses along the range of a cylinder's joint; of all joints if it spans several."""

@@ -129,7 +129,7 @@ def _of_joint(inspection: Inspection, j: int, units: Units) -> Iterator[Oddity]:
     machine, joint = inspection.machine, inspection.machine.arm.joints[j]
     low, high = machine.ranges[j]
     missing = max(low - joint.lower, joint.upper - high)
-    if not joint.endless and missing > RANGE_TOLERANCE[joint.unit]:
+    if not joint.without_ends and missing > RANGE_TOLERANCE[joint.unit]:
         allowed = units.span(joint.lower, joint.upper, joint.unit)
         covered = units.span(low, high, joint.unit)
         words = f"its limits allow {allowed}, the strokes cover only {covered}"

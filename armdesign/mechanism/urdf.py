@@ -51,6 +51,11 @@ class Joint(ReadOnly):
         """Whether it may turn all around: what lies beyond its limits is a pose within them."""
         return self.revolute and self.upper - self.lower > 2 * math.pi - 1e-6
 
+    @property
+    def without_ends(self) -> bool:
+        """Whether it has just one turn, as a continuous joint: it never comes to an end of it."""
+        return self.endless and self.upper - self.lower < 2 * math.pi + 1e-6
+
     @cached_property
     def _turning(self) -> Array:
         return turning(self.axis, self.rotation)

@@ -84,7 +84,7 @@ def pose_events(machine: Machine, time: Array, poses: RigidPoses) -> Iterator[tu
     Cylinders have stops, joints have none: the run goes on where the machine cannot.
     """
     for joint, values in zip(machine.arm.joints, poses.q.T, strict=False):  # without springs
-        if joint.endless:
+        if joint.without_ends:
             continue
         for limit, side in ((joint.lower, -1), (joint.upper, 1)):
             passed, at = side * (values - limit) > BEYOND, WORKSHOP.text(limit, joint.unit)

@@ -296,3 +296,15 @@ def test_colours_of_a_urdf(rgba: str, colour: object, tmp_path: Path) -> None:
         <link name="a"><visual><geometry><sphere radius="1"/></geometry><material name="m"/>
         </visual></link></robot>'''
     assert visuals(urdf, tmp_path)["a"][0].colour == colour
+
+
+@pytest.mark.parametrize("turn", [-0.6, 0.0, 0.5])
+def test_a_cylinder_across_a_slew_is_as_long_as_it_is(turn: float) -> None:
+    """By the law of cosines; slewing is not drawn, but lengthens and shortens it."""
+    column = Joint("column", "root", xyz=(0, 0, 0.5), axis=(0, 0, 1), limits=(-0.8, 0.8))
+    swing = CylinderSpec("swing", ("root", (-0.9, 0.5, 0.5)), ("column", (0.0, 0.6, 0.0)))
+    boom, lift = replace(BOOM, parent="column"), replace(LIFT, base=("column", (0.7, 0, 0.1)))
+    machine = build([column, boom], [swing, lift])
+    near, far, apart = math.hypot(0.9, 0.5), 0.6, math.pi / 2 - math.atan2(0.5, -0.9) + turn
+    length = math.sqrt(near**2 + far**2 - 2 * near * far * math.cos(apart))
+    assert side_view(machine, [turn, 0.1]).lengths[0, 0] == pytest.approx(length, rel=1e-12)

@@ -70,6 +70,20 @@ def test_joints_have_no_stops_but_their_limits_are_told(excavator: Machine) -> N
     assert not any(words in event for event in run.events)
 
 
+@pytest.mark.parametrize(("limit", "told"), [("4.0", True), (str(np.pi), False)])
+def test_limits_wider_than_a_turn_are_told_and_one_turn_has_none(limit: str, told: bool) -> None:
+    """Hoses allow 4 rad, 229.2°, to each side of a slew that could turn all around."""
+    slewing = machines.named("slewing")
+    urdf = slewing.urdf_text.replace("continuous", "revolute")
+    limits = f'<limit lower="-{limit}" upper="{limit}" effort="80000"'
+    urdf = urdf.replace('<limit effort="80000"', limits)
+    machine = Machine.from_text(slewing.text, urdf, slewing.source)
+    start = (float(limit) - 0.02, 0.0, -1.57, -1.57)
+    run = simulate(machine, start, {"swing": always(0.9)}, duration=0.6, tolerance=1e-6)
+    assert run.q[:, 0].max() > float(limit)
+    assert any("swing passed its joint limit of 229.2°" in event for event in run.events) == told
+
+
 def test_a_slew_that_is_stopped_at_once() -> None:
     """Its inertia empties the side that drove it, and opens the relief of the other."""
     turn = {"swing": lambda t: 0.9 if t < 0.6 else 0.0}
