@@ -348,4 +348,6 @@ def _out_of_reach(
         fault = f"the chart begins at a reach of {start:g} m, beyond that of {where}"
     span = f"{least:.3g} to {most:.3g} m"
     remedy = f"it reaches from {span}: give from_m and step_m within that, or another point"
+    if most < 0:
+        fault, remedy = f"{where} is behind, at {span}", "give link and at_mm of a point ahead"
     return _fault(machine, (stated or ["link"])[0], fault, remedy)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 TITLE = "Lift chart"
 NONE = (
-    "none: no place of the usual grid is within reach; [lift_chart] in the file gives another:"
-    " step_m, from_m, or link and at_mm of another point"
+    "none: no joint raises the tool, or no place of the usual grid is within its reach ahead;"
+    " [lift_chart] in the file gives another: step_m, from_m, or link and at_mm of another point"
 )
 
 
