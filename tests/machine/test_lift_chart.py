@@ -337,8 +337,8 @@ BAD = [
     ),
     (
         'link = "boom"\nat_mm = [-20000, 0, 0]',  # behind the machine
-        r"lift_chart.link: the point on the boom \(x -20000, z 0 mm\) is behind, at -\S+ to -\S+ m;"
-        r" give link and at_mm of a point ahead",
+        r"lift_chart.link: the point on the boom \(x -20000, z 0 mm\) is behind, at -\S+ to -\S+"
+        r" m; give link and at_mm of a point ahead",
     ),
     ("step_m = 0.01", r"lift_chart.step_m: 0.01 m makes \d+ × \d+ places, more than 2000; give a"),
     ('link = "ground"', r"lift_chart.link: no joint raises the point on the ground; give link"),
