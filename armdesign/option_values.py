@@ -102,7 +102,8 @@ def pose_of(
 ) -> tuple[float, ...]:
     """Joint positions (nq,) [rad, m] as ``boom=-20,stick=-90`` or in order, in deg and mm.
 
-    ``last``: positions of joints that are not named, if there are any.
+    Joints without ends may go a turn beyond their range. ``last``: positions of joints that are
+    not named, if there are any.
     """
     joints = {joint.name: joint for joint in machine.arm.joints}
     units = {
@@ -118,7 +119,9 @@ def pose_of(
             raise ArmDesignError(option, fault, remedy) from None
     if missing := [name for name in joints if name not in pose]:
         raise ArmDesignError(option, f"says nothing of {' and '.join(missing)}", remedy)
-    for name, (low, high) in zip(joints, machine.known_ranges.tolist(), strict=True):
+    for (name, joint), limits in zip(joints.items(), machine.known_ranges.tolist(), strict=True):
+        further = 2 * math.pi * joint.without_ends  # a turn more, to go the short way
+        low, high = limits[0] - further, limits[1] + further
         if not low <= (value := pose[name]) <= high:
             unit, factor = units[name]
             ends = math.ceil(10 * low / factor) / 10, math.floor(10 * high / factor) / 10

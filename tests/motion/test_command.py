@@ -119,3 +119,13 @@ def test_the_nearest_pose_that_holds_the_load_is_named(end: str) -> None:
     assert np.count_nonzero(np.abs(away) > 1e-9) < 3
     less = nearest - np.radians(0.1) * np.sign(np.where(np.abs(away) > 1e-9, away, 0.0))
     assert not machine.holds(less[None])[0]
+
+
+def test_a_joint_without_ends_is_given_the_short_way() -> None:
+    """From 170° to 200°, not back to −160°; a turn beyond its range is enough for any."""
+    machine = machines.named("slewing")
+    level = "boom=0,stick=-90,bucket=-90"
+    start = pose_of(machine, f"swing=170,{level}", "--from")
+    assert pose_of(machine, "swing=200", "--to", start)[0] == pytest.approx(np.radians(200))
+    with pytest.raises(ad.ArmDesignError, match=r"swing 545 deg is outside its range \[-5"):
+        pose_of(machine, "swing=545", "--to", start)
