@@ -100,9 +100,9 @@ class Identified:
     def frame(self) -> pd.DataFrame:
         """A row for each mode of each window; ``armdesign calibrate`` reads it.
 
-        Columns: begin_s, end_s, signal, frequency_hz, deviation_hz, damping_ratio,
-        damping_deviation, amplitude (of the signal at the window's begin), remark, and the means
-        of the columns that tell pose and pressures.
+        Columns: begin_s, end_s, signal, mode (1 is the window's lowest), frequency_hz,
+        deviation_hz, damping_ratio, damping_deviation, amplitude (of the signal at the window's
+        begin), remark, and the means of the columns that tell pose and pressures.
         """
         import pandas as pd
 
@@ -112,7 +112,8 @@ class Identified:
             sizes = fit.amplitudes[:, 0] if isinstance(fit, Ringdown) else None
             for k, frequency in enumerate(fit.natural_frequencies):
                 row = {"begin_s": window.begin, "end_s": window.end, "signal": self.signal}
-                row |= {"frequency_hz": frequency, "deviation_hz": fit.frequency_deviations[k]}
+                row |= {"mode": k + 1, "frequency_hz": frequency}
+                row |= {"deviation_hz": fit.frequency_deviations[k]}
                 row |= {"damping_ratio": fit.damping_ratios[k]}
                 row |= {"damping_deviation": fit.damping_deviations[k]}
                 row |= {"amplitude": math.nan if sizes is None else sizes[k]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 
 import armdesign as ad
 from armdesign.arrays import Array
+from armdesign.machine import template
 
 BETA, AIR = "fluid.bulk_modulus_MPa", "fluid.entrained_air_percent"
 LIFT, TILT = (f"cylinder.{name}.compliance_m_per_N" for name in ("lift", "tilt"))
@@ -18,6 +20,12 @@ TRUTH = {BETA: 1050.0, LIFT: 4.0e-8}
 def crane() -> ad.Machine:
     """The shipped crane without air, rigid but for its oil."""
     return ad.load("loader_crane").replace({AIR: 0.0, LIFT: 0.0, BETA: 1200.0})
+
+
+def lifter() -> ad.Machine:
+    """Two joints, ``[links]``."""
+    text = template.new("lifter", links=2)
+    return ad.Machine.from_text(text, "", Path("lifter.toml"))
 
 
 def poses(count: int = 8) -> Array:

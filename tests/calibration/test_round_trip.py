@@ -11,9 +11,8 @@ import pandas as pd
 import pytest
 
 import armdesign as ad
-from armdesign.machine import template
 from armdesign.machine.changes import changed_machine
-from tests.calibration.synthetic import BETA, crane, measurements, poses
+from tests.calibration.synthetic import BETA, crane, lifter, measurements, poses
 from tests.commands import main
 
 TRUTH, LASTS, STEP = 1050.0, 5.0, 0.01  # MPa, s, s
@@ -67,10 +66,18 @@ def test_numbers_of_a_list_are_found_and_written(tmp_path: Path) -> None:
     )
 
 
-def lifter() -> ad.Machine:
-    """Two joints, ``[links]``."""
-    text = template.new("lifter", links=2)
-    return ad.Machine.from_text(text, "", Path("lifter.toml"))
+def test_the_modes_of_a_window_are_told_apart(tmp_path: Path) -> None:
+    """A pressure that rings with both modes of a known machine; its bulk modulus is found."""
+    machine, q = lifter(), np.array([0.2, -1.4])
+    time, first = np.arange(0, 3, 0.002), ad.natural_modes(machine.replace({BETA: TRUTH}).at(q))
+    rings = [np.exp(-0.5 * time) * np.cos(2 * math.pi * f * time) for f in first.frequencies[0]]
+    columns = dict(zip(("boom_deg", "stick_deg"), np.degrees(q), strict=True))
+    recording = pd.DataFrame({"time_s": time, "boom_cap_bar": 80 + sum(rings), **columns})
+    identified = ad.identify(recording, [(0, 2.9)], modes=2)
+    assert identified.frame["mode"].to_list() == [1, 2]
+    identified.frame.to_csv(tmp_path / "identified.csv", index=False)
+    found = ad.calibrate(machine, tmp_path / "identified.csv", [BETA])
+    assert found.values.loc[BETA, "value"] == pytest.approx(TRUTH, rel=2e-3)
 
 
 @pytest.mark.parametrize(
