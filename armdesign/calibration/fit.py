@@ -39,7 +39,6 @@ APART = 0.25  # of u, within which χ² is taken to rise evenly to an interval's
 BENT = 0.5  # of a parabola's slope at an interval's end, below which χ² may fall beyond
 LOWER = 1e-3  # of the rise of χ² to an interval's end, by which another minimum is a lower one
 ROUNDS = 10  # of going on from a lower minimum
-LEFT_OUT_STEPS = 3  # Gauss-Newton steps from the fit of all to that without one
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,16 +297,12 @@ def left_out(fit: Fit) -> Array:
     does not suffice.
     """
     problem, free = fit.problem, fit.curvature <= LOOSE
-    measured, rows = problem.predictor.measured, problem.rows
+    measured = problem.predictor.measured
     errors = np.full(len(measured), np.nan)
-    for n in np.flatnonzero(np.isfinite(measured.frequencies)):
-        others, u = rows != n, fit.u.copy()
-        slopes = fit.jacobian[np.ix_(others, free)]
+    for n in map(int, np.flatnonzero(np.isfinite(measured.frequencies))):
+        slopes = fit.jacobian[np.ix_(problem.rows != n, free)]
         if np.linalg.matrix_rank(slopes) < np.count_nonzero(free):
             continue
-        for _ in range(LEFT_OUT_STEPS):
-            change = np.linalg.lstsq(slopes, problem.residuals(u)[others], rcond=None)[0]
-            u[free] = np.clip(u[free] - change, *problem.limits[:, free])
-        at_rest = problem.predictor(problem.at(u)).frequencies[n]
-        errors[n] = at_rest / measured.frequencies[n] - 1
+        machine = problem.at(least(problem.without(n), fit.u, free))
+        errors[n] = problem.predictor(machine).frequencies[n] / measured.frequencies[n] - 1
     return errors

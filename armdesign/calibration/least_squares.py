@@ -6,7 +6,7 @@ The residuals are ln(f/f_measured) and load pressures over their deviations, and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,16 @@ class LeastSquares:
         """The variant at u (k,)."""
         changes = {one.path: one.number(float(x)) for one, x in zip(self.unknowns, u, strict=True)}
         return varied(self.machine, changes)
+
+    def without(self, n: int) -> LeastSquares:
+        """The problem without the measurement of an index: its frequency and its loads."""
+        measured, others = self.predictor.measured, np.arange(len(self.predictor.measured)) != n
+        rest = replace(
+            measured,
+            frequencies=np.where(others, measured.frequencies, np.nan),
+            pressure_deviations=np.where(others, measured.pressure_deviations, np.nan),
+        )
+        return replace(self, predictor=replace(self.predictor, measured=rest))
 
     @cached_property
     def limits(self) -> Array:
