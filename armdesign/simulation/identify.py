@@ -196,6 +196,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
     if first * length < PERIODS:
         fault = f"shorter than two periods of {name} ({first:.2g} Hz)"
         raise SimulationError(part.source, fault, too_short)
+    _refuse_few_samples(part, name, step, first)
     fitted = fit.fitted[:, 0]
     pieces = swings(time, signal, signal - fitted, first, damping) if modes == 1 else None
     return IdentifiedWindow(
@@ -223,9 +224,17 @@ def _refuse_coarse(part: Recording, name: str, step: float, level: Array) -> Non
     """Raise where a line with too few samples in a period is far above those with enough."""
     fast, height = strongest_beyond(step, level)
     if height > DOMINATES * strongest(step, level)[1]:
-        fault = f"{1 / (fast * step):.2g} samples in a period of {name} (about {fast:.2g} Hz)"
-        remedy = f"record {FEWEST_SAMPLES} in a period, at {math.ceil(FEWEST_SAMPLES * fast)} Hz"
-        raise SimulationError(part.source, f"has only {fault}", remedy)
+        _refuse_few_samples(part, name, step, fast)
+
+
+def _refuse_few_samples(part: Recording, name: str, step: float, frequency: float) -> None:
+    """Raise where a period has too few samples."""
+    if frequency * step * FEWEST_SAMPLES > 1:
+        fault = f"{1 / (frequency * step):.2g} samples in a period of {name}"
+        fault = f"has only {fault} (about {frequency:.2g} Hz)"
+        rate = math.ceil(FEWEST_SAMPLES * frequency)
+        remedy = f"record {FEWEST_SAMPLES} in a period, at {rate} Hz"
+        raise SimulationError(part.source, fault, remedy)
 
 
 def _refuse_fast(part: Recording, name: str, step: float, level: Array) -> None:
