@@ -57,6 +57,7 @@ PERIODS = 2.0  # fewest in a window
 ROUNDING = 1e-9  # of the largest value: less than any instrument resolves
 PER_PERIOD = 40  # samples that are enough; more are averaged
 SURE = 2.0  # deviations by which a ring grows
+BEYOND = 1.3  # of the largest swing: no mode that decays alone has so much
 LEFT = 0.3  # of the root mean square about the trend: a large residual
 BAND = 1.6  # default ends of a band, relative to the strongest frequency
 
@@ -209,7 +210,7 @@ def _rung(part: Recording, name: str, modes: int) -> IdentifiedWindow:
         swings=pieces,
         ratios=tuple(_ratios(part, step, first, damping)),
         means=means_of(part),
-        remarks=_remarks(part, fit, pieces),
+        remarks=_remarks(part, fit, pieces, float(np.abs(level).max())),
     )
 
 
@@ -247,8 +248,10 @@ def _refuse_fast(part: Recording, name: str, step: float, level: Array) -> None:
         raise SimulationError(part.source, fault, remedy)
 
 
-def _remarks(part: Recording, fit: Ringdown, pieces: Swings | None) -> dict[str, str]:
-    """Doubts about a free decay: a word, and why."""
+def _remarks(
+    part: Recording, fit: Ringdown, pieces: Swings | None, largest: float
+) -> dict[str, str]:
+    """Doubts about a free decay, by its largest swing too: a word, and why."""
     remarks = {}
     grows = fit.damping_ratios < 0
     if np.any(fit.damping_ratios < -SURE * fit.damping_deviations):
@@ -258,6 +261,13 @@ def _remarks(part: Recording, fit: Ringdown, pieces: Swings | None) -> dict[str,
     if fit.residual > LEFT:
         remarks["large residual"] = (
             f"the fit leaves {fit.residual:.0%} of it: it is no free decay, or holds more modes"
+        )
+    # what a mode that decays alone swings by at least, half a period later
+    swing = float((fit.amplitudes[:, 0] * np.exp(-math.pi * fit.damping_ratios.clip(0))).max())
+    if swing > BEYOND * largest:
+        remarks["modes cancel"] = (
+            f"a mode swings by {swing:.3g}, the signal by {largest:.3g} at most: two modes beat,"
+            " or friction brakes it, to no exponential decay; look at its damping by swing"
         )
     again = pieces.rise if pieces else None
     if again is not None:
