@@ -27,6 +27,8 @@ SHORTEST = 1e-8  # interval [s] that is told: clocks since 1970 have no shorter 
 ROUNDING = 1e-4  # of a decimal: of numbers that a computer rounds
 LARGEST = 1e50  # of any signal in any unit: squares of it are numbers too
 QUANTA = 4.0  # by which a signal falls from a limit in one interval if it was cut there
+NEARLY = 8  # samples at a limit with noise: two further, a peak has fallen 2.5 times as far
+THIRD = 0.6745 * math.sqrt(20)  # median third difference of white noise, in its deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +122,10 @@ class Recording(ReadOnly):
             SimulationError: see ``excitation``; or it is stuck or clipped.
         """
         values, time = self.excitation(name), self.time
-        begin, count = _longest_run(values)
-        if count > STUCK * len(values):
-            fault = f"{name} is stuck at {values[begin]:g} from {self.time_text(time[begin])} s"
+        begins, counts = _runs(values)
+        if counts.max() > STUCK * len(values):
+            k = int(begins[np.argmax(counts)])
+            fault = f"{name} is stuck at {values[k]:g} from {self.time_text(time[k])} s"
             raise SimulationError(self.source, fault, "choose another column or window")
         for limit in (float(values.max()), float(values.min())):
             if _clipped(values, limit):
@@ -153,23 +156,38 @@ class Recording(ReadOnly):
                 raise SimulationError(self.source, fault, remedy)
 
 
-def _longest_run(values: Array) -> tuple[int, int]:
-    """Where the longest run of equal values begins, and how many they are."""
+def _runs(values: Array) -> tuple[Array, Array]:
+    """Where each run of equal values begins, and how many they are."""
     ends = np.flatnonzero(np.append(np.diff(values) != 0, True))
     begins = np.append(0, ends[:-1] + 1)
-    longest = int(np.argmax(ends - begins))
-    return int(begins[longest]), int(ends[longest] - begins[longest] + 1)
+    return begins, ends - begins + 1
+
+
+def _quantum(values: Array) -> float:
+    """The least difference of values that are not all equal."""
+    return float(np.diff(np.unique(values)).min())
 
 
 def _clipped(values: Array, limit: float) -> bool:
-    """Whether values stay at their limit and leave it at once, as no rounded peak does."""
-    quantum = float(np.diff(np.unique(values)).min())
-    there = np.append(np.append(False, values == limit), False)
+    """Whether values stay at their limit, but for noise, and leave it at once: no peak does."""
+    quantum, noise = _quantum(values), _noise(values)
+    near = QUANTA * max(quantum, noise)
+    return _cut(values, limit, quantum, LIMITED, 1) or _cut(values, limit, near, NEARLY, 2)
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of white noise, by third differences: little of a ring is in them."""
+    return float(np.median(np.abs(np.convolve(values, (1, -3, 3, -1), "same")))) / THIRD
+
+
+def _cut(values: Array, limit: float, near: float, least: int, beyond: int) -> bool:
+    """Whether so many values in a row are near their limit, and those so far beyond are not."""
+    there = np.append(np.append(False, np.abs(values - limit) < near), False)
     turns = np.flatnonzero(np.diff(there.astype(int)))
     for begin, end in zip(turns[::2], turns[1::2], strict=True):
-        if end - begin >= LIMITED and begin > 0 and end < len(values):
-            drops = np.abs(values[[begin - 1, end]] - limit)
-            if drops.min() > QUANTA * quantum:
+        if end - begin >= least and begin >= beyond and end + beyond <= len(values):
+            drops = np.abs(values[[begin - beyond, end + beyond - 1]] - limit)
+            if drops.min() > QUANTA * near:
                 return True
     return False
 
