@@ -28,6 +28,7 @@ ROUNDING = 1e-4  # of a decimal: of numbers that a computer rounds
 LARGEST = 1e50  # of any signal in any unit: squares of it are numbers too
 QUANTA = 4.0  # by which a signal falls from a limit in one interval if it was cut there
 NEARLY = 8  # samples at a limit with noise: two further, a peak has fallen 2.5 times as far
+STEPS = 1.5  # quanta between neighbouring values: a slow signal changes by one
 THIRD = 0.6745 * math.sqrt(20)  # median third difference of white noise, in its deviations
 
 
@@ -119,7 +120,7 @@ class Recording(ReadOnly):
         """A signal that can be fitted (n,).
 
         Raises:
-            SimulationError: see ``excitation``; or it is stuck or clipped.
+            SimulationError: see ``excitation``; or it is stuck, repeated or clipped.
         """
         values, time = self.excitation(name), self.time
         begins, counts = _runs(values)
@@ -127,6 +128,10 @@ class Recording(ReadOnly):
             k = int(begins[np.argmax(counts)])
             fault = f"{name} is stuck at {values[k]:g} from {self.time_text(time[k])} s"
             raise SimulationError(self.source, fault, "choose another column or window")
+        usual, change = int(np.median(counts)), np.median(np.abs(np.diff(values[begins])))
+        if usual >= LIMITED and change > STEPS * _quantum(values):
+            fault = f"each value of {name} stands for {usual} samples"
+            raise SimulationError(self.source, fault, "keep one of each, with its instant")
         for limit in (float(values.max()), float(values.min())):
             if _clipped(values, limit):
                 fault = f"{name} is clipped at {limit:g}"

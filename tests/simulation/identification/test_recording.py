@@ -1,4 +1,4 @@
-"""What spoils a recording: limits of sensors, with noise too."""
+"""What spoils a recording: limits of sensors, with noise too, and values that are repeated."""
 
 from __future__ import annotations
 
@@ -40,3 +40,10 @@ def test_a_sensor_at_its_limit_is_told_beneath_its_noise(size: float, quantum: f
 def test_rounded_peaks_are_no_limit(size: float, quantum: float) -> None:
     values = np.round((RING + noise(size)) / quantum) * quantum
     assert recorded(values).signal("boom_cap_bar") is not None
+
+
+@pytest.mark.parametrize("each", [3, 4, 5])
+def test_values_that_are_repeated_are_no_limit(each: int) -> None:
+    """A slow sensor beside a fast clock: "clipped at 74.526" was said."""
+    with pytest.raises(SimulationError, match=f"each value of boom_cap_bar stands for {each} sa"):
+        recorded(RING[np.arange(len(TIME)) // each * each]).signal("boom_cap_bar")
