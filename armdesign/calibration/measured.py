@@ -187,7 +187,7 @@ class _MeasuredRows:
         self, row: Mapping[str, Any], n: int, column: str, positive: bool, blank: bool
     ) -> float:
         value, part = row.get(column), f"{self.source}: row {n}, {column}"
-        if blank and (value is None or str(value).strip() in ("", "nan")):
+        if blank and (value is None or str(value).strip().lower() in ("", "nan")):
             return math.nan
         try:
             number = float(value)  # type: ignore[arg-type]

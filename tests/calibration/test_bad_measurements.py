@@ -136,6 +136,13 @@ def test_comments_and_blank_lines_are_no_rows(tmp_path: Path) -> None:
     assert measured.payloads == ("full",)
 
 
+@pytest.mark.parametrize("blank", ["", " ", "nan", "NaN", "NAN"])
+def test_a_blank_is_nan_in_any_case(blank: str, csv: Path) -> None:
+    """As in recordings; "NaN" was refused."""
+    csv.write_text(table(f"deviation_hz={blank}"), encoding="utf-8")
+    assert read_measured(csv, crane()).deviations == pytest.approx([0.021])  # 1 %
+
+
 def test_an_inclinometer_is_warned_of_and_a_typing_error_told() -> None:
     machine = crane()
     tilts = dict.fromkeys(("lift_inclinometer_deg", "boom_incl_deg"), 3.0)
