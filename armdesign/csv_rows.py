@@ -90,8 +90,10 @@ def read_rows(
     remedy = "give a CSV file with a line of column names"
     try:
         text = text_files.read(path, text_files.LARGEST_TABLE)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
+    except UnicodeDecodeError:
+        raise kind(str(path), "is not UTF-8 text", "save it as CSV in UTF-8") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = getattr(error, "strerror", None) or error
         raise kind(str(path) or "CSV file", f"cannot be read ({reason})", remedy) from None
     try:
         rows = list(islice(_rows(text), None if most is None else most + 2))

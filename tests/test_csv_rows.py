@@ -57,6 +57,15 @@ def test_faults(text: str | None, message: str, tmp_path: Path) -> None:
         assert str(caught.value).startswith(f"{path}: {message}")
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "cp1252"])
+def test_a_text_in_another_encoding_is_to_be_saved_again(encoding: str, tmp_path: Path) -> None:
+    """As spreadsheets write it; "a line of column names" was there."""
+    path = tmp_path / "some.csv"
+    path.write_text("time_s,débit_l_min\n0,1\n", encoding=encoding)
+    with pytest.raises(ArmDesignError, match=r"is not UTF-8 text; save it as CSV in UTF-8$"):
+        read_rows(path)
+
+
 def test_more_rows_than_are_allowed(tmp_path: Path) -> None:
     path = tmp_path / "some.csv"
     path.write_text("a\n1\n2\n3\n", encoding="utf-8")

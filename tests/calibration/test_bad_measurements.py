@@ -114,7 +114,7 @@ def test_bad_unknowns_are_one_line(options: tuple[str, ...], csv: Path, refused:
     ("make", "message"),
     [
         (lambda path: path.mkdir(), "cannot be read"),
-        (lambda path: path.write_bytes(b"\xff\xfe\x00"), "cannot be read (not a text file)"),
+        (lambda path: path.write_bytes(b"\xff\xfe\x00"), "is not UTF-8 text"),
         (lambda path: None, "cannot be read (No such file or directory)"),
     ],
 )
