@@ -30,7 +30,7 @@ comments.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,6 +46,7 @@ from armdesign.machine.measured_poses import INCLINOMETER, inclined, joint_colum
 from armdesign.units import bar, mm
 
 DEVIATION = 0.01  # of a frequency, where none is given
+SURE = 4.0  # deviations by which two frequencies of one mode do not differ
 CHAMBERS = ("both", "cap", "annulus", "stuck")
 UNUSED = (
     "begin_s",
@@ -136,6 +137,7 @@ class _MeasuredRows:
         frequencies = self._numbers("frequency_hz", positive=True)
         deviations = self._numbers("deviation_hz", positive=True)
         loads = self._numbers("pressure_deviation_bar", positive=True)
+        counted = np.where(np.isnan(deviations), DEVIATION * frequencies, deviations)
         joints, lengths = self._poses()
         self._refuse_empty(frequencies, pressures, loads)
         pressures[np.isnan(pressures).any(axis=2)] = np.nan
@@ -145,12 +147,15 @@ class _MeasuredRows:
             joints=joints,
             lengths=lengths,
             frequencies=frequencies,
-            deviations=np.where(np.isnan(deviations), DEVIATION * frequencies, deviations),
+            deviations=counted,
             modes=self._modes(),
             pressures=pressures * bar,
             pressure_deviations=loads * bar,
             chambers=np.array([self._chambers(row, n) for n, row in enumerate(self.rows, 1)]),
-            warnings=tuple(self._warnings(actuators, deviations)),
+            warnings=(
+                *self._warnings(actuators, deviations),
+                *self._contradictions(frequencies, counted),
+            ),
         )
 
     @property
@@ -280,3 +285,20 @@ class _MeasuredRows:
         if np.isnan(deviations[np.isfinite(self._numbers("frequency_hz"))]).any():
             words.append(f"frequencies without deviation_hz count as known to {DEVIATION:.0%}")
         return words
+
+    def _contradictions(self, frequencies: Array, deviations: Array) -> Iterator[str]:
+        """Rows that differ in their frequency alone, and by more than its deviations allow."""
+        own = ("frequency_hz", "deviation_hz", *UNUSED)
+        told = [name for name in self.columns if name not in own]
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for n in map(int, np.flatnonzero(np.isfinite(frequencies))):
+            groups.setdefault(tuple(str(self.rows[n].get(name)) for name in told), []).append(n)
+        for group in groups.values():
+            low, high = (group[int(end(frequencies[group]))] for end in (np.argmin, np.argmax))
+            difference = frequencies[high] - frequencies[low]
+            if difference > SURE * math.hypot(deviations[low], deviations[high]):
+                yield (
+                    f"rows {low + 1} and {high + 1} are of one pose, load case and mode, but of"
+                    f" {frequencies[low]:.4g} and {frequencies[high]:.4g} Hz: tell their modes, or"
+                    " larger deviations"
+                )

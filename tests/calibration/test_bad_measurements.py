@@ -194,3 +194,16 @@ def test_frequencies_without_deviations_count_as_known_to_a_hundredth() -> None:
     measured = measured_of(rows.to_dict("records"), machine)
     assert measured.deviations == pytest.approx(0.01 * measured.frequencies)
     assert any("count as known to 1%" in line for line in measured.warnings)
+
+
+def test_two_frequencies_of_one_mode_are_warned_of() -> None:
+    """Both modes of one window, without their column; and repeated measurements with noise."""
+    machine = crane()
+    rows = measurements(machine, poses(1)).to_dict("records") * 2
+    rows[1] = {**rows[1], "frequency_hz": 2 * rows[0]["frequency_hz"], "begin_s": 3.0}
+    (line,) = measured_of(rows, machine).warnings
+    assert line.startswith("rows 1 and 2 are of one pose, load case and mode, but of ")
+    told = [{**row, "mode": n} for n, row in enumerate(rows, 1)]
+    again = measurements(machine, np.repeat(poses(1), 8, axis=0), noise=0.01).to_dict("records")
+    for good in (told, again):
+        assert measured_of(good, machine).warnings == ()
