@@ -44,7 +44,7 @@ def lowest_by_population(case: CasePoses, starts: Array) -> tuple[Array, float]:
         return np.clip(low + shares * span, low, high)
 
     known = (starts - low) / span
-    shares = np.concatenate([known, _at_random(known[0], moving, SPREAD * count, random)])
+    shares = np.concatenate([known, at_random(known[0], moving, SPREAD * count, random)])
     values = _frequencies(case, poses(shares))
     for reach in SHRINK ** np.arange(ROUNDS):
         parents = lowest_apart(shares, values, APART * reach)[: PARENTS * count]
@@ -70,7 +70,7 @@ def _frequencies(case: CasePoses, q: Array) -> Array:
     return values
 
 
-def _at_random(still: Array, moving: Array, count: int, random: np.random.Generator) -> Array:
+def at_random(still: Array, moving: Array, count: int, random: np.random.Generator) -> Array:
     """Poses over the joint ranges (count, nq), many joints at an end, others as in ``still``."""
     shares, ends = random.random((2, count, len(still)))
     shares = np.where(ends < AT_END, 0.0, np.where(ends > 1 - AT_END, 1.0, shares))

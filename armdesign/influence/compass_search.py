@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, chunks
 from armdesign.frequency.modes import lowest_frequency
 from armdesign.influence.ends import Ends, all_ends, endless
 from armdesign.influence.family import Family
@@ -31,7 +31,7 @@ def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
     Each member may have a pose of its own (n, nq).
     NaN where no pose near that one, or near the one that follows its ends, is in stroke.
     """
-    search = _Compass(family, replace(ends, ends=all_ends(ends.machine)))
+    search = _Compass(family, _all(ends))
     best_q = ends.follow(family, q)
     limits = np.where(endless(ends.machine), [[-np.inf], [np.inf]], ends.machine.arm.limits.T)
     best_q = np.clip(best_q, *limits)
@@ -57,6 +57,20 @@ def lowest_near(family: Family, ends: Ends, q: Array) -> tuple[Array, Array]:
         best[better] = values[lower, chosen[lower]]
         steps[rows] *= np.where(lower, 1.5, 0.4)
     return np.where(best < OUTSIDE, best, np.nan), best_q
+
+
+def lowest_at(family: Family, ends: Ends, q: Array) -> Array:
+    """Lowest frequency (n, m) [Hz] of every member at every pose (m, nq); see ``_Compass``."""
+    search = _Compass(family, _all(ends))
+    rows = np.arange(family.count * len(q))
+    parts = (rows[some] for some in chunks(len(rows)))
+    values = [search.frequencies(q[part % len(q)], part // len(q)) for part in parts]
+    return np.concatenate(values).reshape(family.count, len(q))
+
+
+def _all(ends: Ends) -> Ends:
+    """Every end that a pose of the same machine may touch."""
+    return replace(ends, ends=all_ends(ends.machine))
 
 
 class _Compass:

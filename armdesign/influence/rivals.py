@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, Flags
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.cases import CasePoses, in_chunks, load_cases, poses_of, refuse_missing
 from armdesign.frequency.modes import lowest_frequency, natural_modes
-from armdesign.frequency.population import lowest_apart
+from armdesign.frequency.population import at_random, lowest_apart
 from armdesign.frequency.workspace import Workspace
-from armdesign.frequency.worst_frequency import WorstPose, local_minima, worst_pose
-from armdesign.influence.compass_search import lowest_near
+from armdesign.frequency.worst_frequency import FAR, WorstPose, local_minima, worst_pose
+from armdesign.influence.compass_search import lowest_at, lowest_near
 from armdesign.influence.ends import REACHED, Ends, all_ends, endless, ends_at
 from armdesign.influence.family import Family
 from armdesign.machine.machine import Machine
@@ -23,6 +24,9 @@ WITHIN = 0.25  # of the worst frequency: poses so near to it are its rivals
 APART = 0.02  # of a joint's range: poses nearer than this are one
 MOST = 8  # rivals, the worst pose with them
 TRIED, TRIED_APART = 100, 0.2  # poses from which they are sought, over the joints' ranges
+STARTS = 16  # of them from which every member of a family seeks
+LOWER = 1e-4  # of a frequency, by which another must be lower: as near as searches end
+LOOKED_AT = 1000  # poses of a workspace, by chance, and between them, that every member takes
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +54,15 @@ class Rival:
         margin = self.ends.end_margin - next(margins) + next(margins)
         loaded = other.with_payload(self.pose.payload)
         return replace(self, ends=replace(self.ends, machine=loaded, end_margin=margin))
+
+    def is_new(self, workspace: Workspace, known: Sequence[Rival]) -> bool:
+        """Whether no known rival of its load case is at its pose and follows the same ends."""
+        like = [
+            one.pose.q
+            for one in known
+            if (one.pose.payload, one.ends.ends) == (self.pose.payload, self.ends.ends)
+        ]
+        return not _near(workspace, self.pose.q, np.array(like)).any()
 
     def frequencies(self, family: Family) -> Array:
         """Lowest frequency (n,) [Hz] of a family's members, at poses that follow their ends."""
@@ -129,6 +142,49 @@ def rivals(machine: Machine, workspace: Workspace, within: float = WITHIN) -> tu
     return tuple(_rival(*minimum) for minimum in _apart(workspace, near)[:MOST])
 
 
+def lowest_anywhere(family: Family, workspace: Workspace) -> Array:
+    """Lowest frequency (n,) [Hz] of a family's members over a workspace and all load cases.
+
+    Sought by every member from the lowest of some poses, whatever the rivals of the machine are;
+    with air that the machine has not also from those far above, as valleys beside kinks are
+    narrow. NaN where none leads into the stroke.
+    """
+    machine, span = family.machine, np.ptp(workspace.ranges, axis=1)
+    random, looks = np.random.default_rng(0), []
+    for case in load_cases(machine, workspace):
+        q = workspace.q[random.permutation(case.indices)[:LOOKED_AT]]
+        shares = at_random(np.zeros(len(span)), span > 0, LOOKED_AT, random)
+        q = np.concatenate([q, workspace.ranges[:, 0] + shares * span])
+        ends = Ends(case.machine, workspace.end_margin, (), np.zeros(0))
+        looks.append((ends, q, lowest_at(family, ends, q)))
+    least = np.fmin.reduce(np.concatenate([values for *_, values in looks], axis=1), axis=1)
+    kinks = (np.broadcast_to(family.members.fluid.air, family.count) > 0) & (
+        machine.fluid.air == 0
+    )
+    most = np.where(kinks, np.inf, FAR * least)
+    lowest = np.full(family.count, np.nan)
+    for ends, q, values in looks:
+        shares = np.delete(q / _spans(workspace), list(machine.idle_joints), axis=1)
+        each = zip(values, most, strict=True)
+        starts = [_starts(shares, value, top)[:STARTS] for value, top in each]
+        members = np.repeat(np.arange(family.count), [len(rows) for rows in starts])
+        found, _ = lowest_near(family.some(members), ends, q[np.concatenate(starts)])
+        np.fmin.at(lowest, members, found)
+    return lowest
+
+
+def _starts(shares: Array, frequency: Array, most: float) -> Array:
+    """Indices of the lowest poses, by shares of the joints' ranges, that are apart."""
+    near = np.flatnonzero(frequency <= most)
+    return near[lowest_apart(shares[near], frequency[near], TRIED_APART)[:TRIED]]
+
+
+def _spans(workspace: Workspace) -> Array:
+    """Ranges of the joints (nq,) [rad, m]; 1 where there is none."""
+    ranges = np.ptp(workspace.ranges, axis=1)
+    return np.where(ranges > 0, ranges, 1.0)
+
+
 def _minima(case: CasePoses, frequency: Array, within: float) -> list[tuple[Array, float]]:
     q = case.workspace.q[case.exists]
     lowest = q[frequency.argmin()], float(frequency.min())
@@ -141,9 +197,7 @@ def _sought(case: CasePoses, q: Array, frequency: Array, within: float) -> Array
     Kinks are narrow: no pose of a coarse grid need be lowest among its neighbours beside one.
     """
     machine, workspace = case.machine, case.workspace
-    near = np.flatnonzero(frequency <= (1 + within) * frequency.min())
-    span = np.where((ranges := np.ptp(workspace.ranges, axis=1)) > 0, ranges, 1.0)
-    starts = q[near][lowest_apart(q[near] / span, frequency[near], TRIED_APART)[:TRIED]]
+    starts = q[_starts(q / _spans(workspace), frequency, (1 + within) * frequency.min())]
     ends = Ends(machine, workspace.end_margin, (), np.zeros(0))
     values, at = lowest_near(Family.of(machine, {}, len(starts)), ends, starts)
     order = [k for k in np.argsort(values) if np.isfinite(values[k])]
@@ -155,15 +209,21 @@ def _apart(
     workspace: Workspace, minima: list[tuple[CasePoses, Array, float]]
 ) -> list[tuple[CasePoses, Array, float]]:
     """Minima of which no two are one, the lower kept."""
-    machine, span = workspace.machine, np.ptp(workspace.ranges, axis=1)
-    idle, turns = list(machine.idle_joints), 2 * np.pi * endless(machine)
     kept: list[tuple[CasePoses, Array, float]] = []
     for case, q, value in minima:
-        apart = (np.abs(q - other) for one, other, _ in kept if one is case)
-        away = (np.minimum(by, np.abs(turns - by)) / span for by in apart)
-        if all(np.delete(distance, idle).max(initial=0.0) > APART for distance in away):
+        known = np.array([other for one, other, _ in kept if one is case])
+        if not _near(workspace, q, known).any():
             kept.append((case, q, value))
     return kept
+
+
+def _near(workspace: Workspace, q: Array, others: Array) -> Flags:
+    """Whether a pose (nq,) and others (n, nq) are one (n,)."""
+    machine = workspace.machine
+    idle, turns = list(machine.idle_joints), 2 * np.pi * endless(machine)
+    by = np.abs(q - np.reshape(others, (-1, len(q))))
+    away = np.minimum(by, np.abs(turns - by)) / np.ptp(workspace.ranges, axis=1)
+    return np.asarray(np.delete(away, idle, axis=1).max(axis=1, initial=0.0) <= APART)
 
 
 def _rival(case: CasePoses, q: Array, value: float) -> Rival:

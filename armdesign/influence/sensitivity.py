@@ -21,7 +21,7 @@ from armdesign.frequency.workspace import Workspace
 from armdesign.influence.bandwidth import SCHEMES, at_pose
 from armdesign.influence.estimates import impossible
 from armdesign.influence.family import Family, can_matter, rebuilt
-from armdesign.influence.rivals import WITHIN, Rival, rivals
+from armdesign.influence.rivals import LOWER, WITHIN, Rival, lowest_anywhere, rivals
 from armdesign.influence.slopes import slopes
 from armdesign.influence.turns import at_worst_turn
 from armdesign.machine.file.contradictions import contradictions
@@ -54,7 +54,8 @@ class Sensitivity(ReadOnly):
         slopes: derivatives of the frequencies of the rivals by them (r, k, 2) [Hz per unit of the
             file], upwards and downwards: exact.
         changes: of the worst frequency by a natural step up and down (k, 2, 2) [Hz]: linear, and
-            exact by a search near the rivals; NaN where the file cannot have such a number.
+            exact by searches near the rivals and over the workspace; NaN where the file cannot
+            have such a number.
         left_out: number of other numbers, which do not matter.
     """
 
@@ -208,9 +209,9 @@ class Sensitivity(ReadOnly):
             rows=tuple(rows),
             note=(
                 f"{more}{self.left_out} numbers of the file do not matter; up, down: by the"
-                " derivatives of worst pose and rivals; exact: by a search near them; of a"
-                " compliance the step is a share of its stiffness; –: the file cannot have such a"
-                " number, or the straight line ends below 0 Hz"
+                " derivatives of worst pose and rivals; exact: by searches near them and over the"
+                " workspace; of a compliance the step is a share of its stiffness; –: the file"
+                " cannot have such a number, or the straight line ends below 0 Hz"
             ),
         )
 
@@ -312,9 +313,8 @@ def sensitivity(
     known = np.flatnonzero(effect.max(axis=0) > NEGLIGIBLE * poses[0].frequency)
     chosen, derivatives = [numbers[k] for k in known], derivatives[:, known]
     steps = np.array([_ways(machine, number) for number in chosen]).reshape(-1, 2)
-    changes = np.stack(
-        [_linear(poses, steps, derivatives), _exact(machine, poses, chosen, steps)], axis=2
-    )
+    exact = _exact(machine, workspace, poses, chosen, steps)
+    changes = np.stack([_linear(poses, steps, derivatives), exact], axis=2)
     size = np.nan_to_num(np.abs(changes[:, :, 0])).max(axis=1)
     order = np.argsort(-size, kind="stable")
     return Sensitivity(
@@ -349,9 +349,13 @@ def _linear(poses: Sequence[Rival], steps: Array, derivatives: Array) -> Array:
 
 
 def _exact(
-    machine: Machine, poses: Sequence[Rival], numbers: Sequence[Number], steps: Array
+    machine: Machine,
+    workspace: Workspace,
+    poses: Sequence[Rival],
+    numbers: Sequence[Number],
+    steps: Array,
 ) -> Array:
-    """Change of the worst frequency by steps up and down (k, 2) [Hz], near the rivals."""
+    """Change of the worst frequency by steps up and down (k, 2) [Hz], by searches."""
     lowest = np.full((len(poses), *steps.shape), np.nan)
     batched = [k for k, number in enumerate(numbers) if can_matter(number.location)]
     for way in (0, 1):
@@ -361,8 +365,10 @@ def _exact(
             for i, (k, step) in enumerate(zip(fits, steps[fits, way], strict=True))
         }
         family = Family.of(machine, values, len(fits))
-        for r, rival in enumerate(poses if fits else ()):
-            lowest[r, fits, way] = rival.lowest_near(family)
+        if fits:
+            near = np.fmin.reduce([rival.lowest_near(family) for rival in poses])
+            beyond = lowest_anywhere(family, workspace)
+            lowest[:, fits, way] = np.where(beyond < (1 - LOWER) * near, beyond, near)
         for k in set(range(len(numbers))) - set(batched):
             if np.isfinite(steps[k, way]):
                 value = numbers[k].value + steps[k, way]

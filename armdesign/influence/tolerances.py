@@ -2,14 +2,16 @@
 
 Monte Carlo with a scrambled Sobol sequence (Owen 1998): every machine is evaluated at the worst
 pose and its rivals, which follow their ends and are sought anew where they would pass others, and
-its worst frequency is the lowest of them. Beside it stands the estimate by derivatives, f + Σ s δ,
-the lowest over the rivals, and where it fails.
+its worst frequency is the lowest of them. To these poses come local minima that a machine has with
+one number at an end of its width, where a search finds it lower there. Beside it stands the
+estimate by derivatives, f + Σ s δ, the lowest over the rivals, and where it fails.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -22,9 +24,10 @@ from armdesign.design.requirements.record import Check
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
 from armdesign.influence.acceptance import JUDGED, Acceptance, acceptance, acceptance_sheet
-from armdesign.influence.rivals import Rival, rivals
+from armdesign.influence.family import rebuilt
+from armdesign.influence.rivals import LOWER, Rival, lowest_anywhere, rivals
 from armdesign.influence.slopes import mass_slopes, slopes
-from armdesign.influence.widths import Width, family_of, widths_of
+from armdesign.influence.widths import Width, at_ends, family_of, widths_of
 from armdesign.machine.machine import Machine
 from armdesign.report.sheet import Sheet, worst_pose_text
 from armdesign.short_repr import short_repr
@@ -51,14 +54,15 @@ class Tolerances(ReadOnly):
         machine: the machine as its file describes it.
         workspace: poses over which its worst was looked for.
         rivals: its worst pose and the poses that could become the worst.
+        others: further poses that are worst with one number at an end of its width.
         widths: the numbers that differ (w).
         values: their values (n, w), in the file's unit, of the mass of links a factor.
         slopes: derivatives of the rivals' frequencies by them (r, w, 2) [Hz per unit].
-        of_rivals: frequencies of all machines at the rivals (n, r) [Hz], NaN where a machine
-            cannot take the pose, inf where no pose near it is in stroke.
+        of_rivals: frequencies of all machines at rivals and others (n, r + o) [Hz], NaN where a
+            machine cannot take the pose, inf where no pose near it is in stroke.
         least: worst frequency that a machine must reach [Hz].
         stated: whether file or caller state it; else it is the file's worst frequency.
-        searched: worst frequencies (k,) [Hz] of the first k machines, looked for near the rivals.
+        searched: worst frequencies (k,) [Hz] of the first k machines, sought over the workspace.
     """
 
     __repr__ = short_repr
@@ -66,6 +70,7 @@ class Tolerances(ReadOnly):
     machine: Machine
     workspace: Workspace
     rivals: tuple[Rival, ...]
+    others: tuple[Rival, ...]
     widths: tuple[Width, ...]
     values: Array
     slopes: Array
@@ -155,16 +160,14 @@ class Tolerances(ReadOnly):
         half = np.array([width.half for width in self.widths])
         start = np.array([[width.value for width in self.widths]])
         limits = np.array([width.limits for width in self.widths])
-        ends = []
-        for end in limits.T:
-            values = np.where(np.eye(len(half), dtype=bool), end, start)
-            of_rivals = _frequencies(self.machine, self.rivals, self.widths, values)
-            lowest = np.fmin.reduce(of_rivals, axis=1)
-            ends.append(np.where(np.isinf(lowest), np.nan, lowest) - self.rivals[0].frequency)
+        poses, values = (*self.rivals, *self.others), at_ends(self.widths)
+        lowest = np.fmin.reduce(_frequencies(self.machine, poses, self.widths, values), axis=1)
+        change = np.where(np.isinf(lowest), np.nan, lowest) - self.rivals[0].frequency
+        ends = change.reshape(2, -1)
         line = self.slopes[0, :, 0] * half
         spread = self.slopes[0, :, 0] * (limits[:, 1] - limits[:, 0]) / 2
         expected = self.slopes[0, :, ::-1] * (limits - start.T)  # slopes are upwards, downwards
-        off = np.fmax.reduce(np.abs(np.array(ends).T - expected), axis=1)
+        off = np.fmax.reduce(np.abs(ends.T - expected), axis=1)
         frame = pd.DataFrame(
             {
                 "number": [width.name for width in self.widths],
@@ -229,9 +232,9 @@ class Tolerances(ReadOnly):
             title=f"Worst frequency within the tolerances: {self.machine.name}",
             rows=rows,
             note=(
-                f"poses followed past end stops and pitch limits: {len(self.rivals)}; a search"
-                f" near them finds {share_text(near)} less at most, in {found} of the"
-                " machines"
+                f"poses followed past end stops and pitch limits: {self.of_rivals.shape[1]}; a"
+                f" search over the workspace finds {share_text(near)} less at most, in {found} of"
+                " the machines"
             ),
             bold=(2 + bool(idle),),
         )
@@ -328,9 +331,10 @@ def tolerances(
     widths = widths_of(machine)
     workspace = workspace or Workspace.grid(machine)
     poses = rivals(machine, workspace)
+    others = _others(machine, workspace, poses, widths)
     values = _sampled(machine, widths, count, seed)
-    of_rivals = _frequencies(machine, poses, widths, values)
-    lost = np.isnan(of_rivals).all(axis=1)
+    of_rivals = _frequencies(machine, (*poses, *others), widths, values)
+    lost = np.isnan(of_rivals[:, : len(poses)]).all(axis=1)
     if lost.any():
         raise ArmDesignError(
             f"{machine.source.name}: tolerances",
@@ -345,13 +349,14 @@ def tolerances(
         machine=machine,
         workspace=workspace,
         rivals=poses,
+        others=others,
         widths=widths,
         values=values,
         slopes=np.stack([_slopes(machine, rival, widths) for rival in poses]),
         of_rivals=of_rivals,
         least=poses[0].frequency if stated is None else stated,
         stated=stated is not None,
-        searched=_searched(machine, poses, widths, values[:LOOKED_AT]),
+        searched=lowest_anywhere(family_of(machine, widths, values[:LOOKED_AT]), workspace),
     )
 
 
@@ -415,12 +420,24 @@ def _narrower(
     return f"with {share_text(share)} of the widths they can: {', '.join(narrower)}"
 
 
-def _searched(
-    machine: Machine, poses: Sequence[Rival], widths: Sequence[Width], values: Array
-) -> Array:
-    """Worst frequencies (n,) [Hz] of machines, looked for near the rivals; NaN: none is found."""
-    family = family_of(machine, tuple(widths), values)
-    return np.asarray(np.fmin.reduce([rival.lowest_near(family) for rival in poses]))
+def _others(
+    machine: Machine, workspace: Workspace, poses: Sequence[Rival], widths: Sequence[Width]
+) -> tuple[Rival, ...]:
+    """Poses beside the rivals that are worst with one number of the file at an end of its width.
+
+    Of machines that have rivals: not of one that is unstable there.
+    """
+    values = at_ends(widths)
+    near = np.fmin.reduce(_frequencies(machine, poses, widths, values), axis=1)
+    lowest = lowest_anywhere(family_of(machine, tuple(widths), values), workspace)
+    points, found = [len(axis) for axis in workspace.axes], list(poses)
+    for row in np.flatnonzero(lowest < (1 - LOWER) * near).tolist():
+        number, value = widths[row % len(widths)].number, values[row, row % len(widths)]
+        with suppress(ArmDesignError):
+            other = rebuilt(machine, {number.location: float(value)} if number else {})
+            own = Workspace.grid(other, points, workspace.end_margin)
+            found += [one.of(machine) for one in rivals(other, own) if one.is_new(own, found)]
+    return tuple(found[len(poses) :])
 
 
 def _slopes(machine: Machine, rival: Rival, widths: Sequence[Width]) -> Array:

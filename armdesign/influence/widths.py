@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -158,3 +158,12 @@ def family_of(machine: Machine, widths: tuple[Width, ...], values: Array) -> Fam
             numbers[width.number.location] = column
     with_links = any(width.number is None for width in widths)
     return Family.of(machine, numbers, count, shares if with_links else None)
+
+
+def at_ends(widths: Sequence[Width]) -> Array:
+    """Values (2 w, w) of machines as drawn but for one number each: all lower ends, then upper."""
+    drawn, limits = (
+        np.array([getattr(one, name) for one in widths]) for name in ("value", "limits")
+    )
+    own = np.eye(len(widths), dtype=bool)
+    return np.concatenate([np.where(own, end, drawn) for end in limits.T])

@@ -91,6 +91,17 @@ def test_exact_changes_where_the_worst_pose_leaves_the_ends_that_it_followed() -
     assert row["up_exact_hz"] == pytest.approx(new - answer.rivals[0].frequency, abs=1e-3)
 
 
+def test_air_makes_a_pose_the_worst_that_is_no_rival_without_it() -> None:
+    """By a new map -1.804 Hz, at another pose; near the worst pose without air only -1.082 Hz."""
+    machine = ad.load("paper_1dof")
+    row = ad.sensitivity(machine).frame.set_index("key").loc["fluid.entrained_air_percent"]
+    worst = [
+        ad.frequency_map(one, ad.Workspace.grid(one)).worst.frequency
+        for one in (machine, machine.replace({"fluid.entrained_air_percent": 1.0}))
+    ]
+    assert row["up_exact_hz"] == pytest.approx(worst[1] - worst[0], rel=1e-4)
+
+
 def test_overtaken_is_where_a_rival_is_as_low(excavator_answer: ad.Sensitivity) -> None:
     frame = excavator_answer.frame.set_index("key")
     row = frame.loc["payload.full.mass_kg"]
