@@ -2,10 +2,10 @@
 
 The linear estimates of worst frequencies come from exact derivatives, at worst pose and rivals of
 each load case, along all that changes; of all other quantities the central difference of a
-hundredth of the change, or, where the two sides differ, as at a least or largest of several
-values, the difference to the side of the change. What jumps, as the worst pose between poses that
-are equally low and percentiles where poses begin or cease to hold the load, has an estimate only
-where it moves evenly.
+hundredth of the change, about one on where the file may not have one back, or, where the sides
+differ, as at a least of several values, the difference to the side of the change. What jumps, as
+the worst pose between equally low ones and percentiles where poses begin or cease to hold the
+load, has an estimate only where it moves evenly.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from armdesign.influence.rivals import rivals
 from armdesign.influence.slopes import change_along
 from armdesign.machine.changes import changed_machine, numeric_changes
 from armdesign.machine.file.key_paths import Location
-from armdesign.machine.file.numbers import numbers_of
+from armdesign.machine.file.numbers import may_be, numbers_of
 from armdesign.machine.lift_chart import LiftChart, lift_chart_if_any
 from armdesign.machine.machine import Machine
 from armdesign.report.comparison import WORST_POSE, is_position, quantities
@@ -369,16 +369,19 @@ def _linear(
     before: Quantities,
 ) -> dict[str, float]:
     """Linear estimates by the name of the quantity."""
-    sides = []
-    for side in (PART, -PART):
-        near = rebuilt(machine, {at: a + side * (b - a) for at, (a, b) in steps.items()})
-        sides.append(everything(frequency_map(near, Workspace.grid(near, points))))
+
+    def after(part: float) -> Quantities:
+        near = rebuilt(machine, {at: a + part * (b - a) for at, (a, b) in steps.items()})
+        return everything(frequency_map(near, Workspace.grid(near, points)))
+
+    back = may_be(machine.section, {at: a - PART * (b - a) for at, (a, b) in steps.items()})
+    known = (after(-PART), before, after(PART)) if back else (before, after(PART), after(2 * PART))
     estimates = {}
     for name, (value, _) in before.items():
-        ends = [side.get(name, (None, ""))[0] for side in sides]
-        known = not isinstance(value, str) and value is not None and None not in ends
-        if known and not name.startswith(COUNTED) and not _is_idle(name, machine):
-            estimates[name] = _estimate(name, value, *ends)
+        low, at, high = (side.get(name, (None, ""))[0] for side in known)
+        numeric = not isinstance(value, str) and None not in (value, low, at, high)
+        if numeric and not name.startswith(COUNTED) and not _is_idle(name, machine):
+            estimates[name] = value - at + _estimate(name, at, high, low)
     exact = _frequency_changes(machine, steps, Workspace.grid(machine, points))
     return estimates | {name: before[name][0] + change for name, change in exact.items()}
 

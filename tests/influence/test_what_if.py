@@ -377,3 +377,15 @@ def test_the_estimate_of_a_load_case_is_a_straight_line() -> None:
         own = row(answer, f"{answer.before.worst.payload}.worst")
         effects.append((own["linear"] - own["before"]) / change)
     assert effects[0] == pytest.approx(effects[1], rel=1e-9)
+
+
+def test_no_step_goes_back_to_a_number_that_the_file_may_not_have() -> None:
+    """From 0.2 kg to 40 kg a hundredth back was -0.2 kg: masses were not positive definite.
+
+    By hand: frequencies of a point mass alone fall as 1/√m; its pressures are straight lines.
+    """
+    machine = ad.load("paper_1dof").replace({"payload.load.mass_kg": 0.2})
+    answer = ad.what_if(machine, {"payload.load.mass_kg": 40.0}, POINTS, bandwidth=False)
+    assert row(answer, "worst")["linear_change"] == pytest.approx(-0.5 * (40 / 0.2 - 1), rel=1e-5)
+    pressure = row(answer, "lift.static_pressure")
+    assert pressure["linear"] == pytest.approx(pressure["after"])

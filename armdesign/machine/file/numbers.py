@@ -94,6 +94,12 @@ def _numbers(node: Any, location: Location) -> Iterator[Number]:
         yield Number(location=location, value=float(node), unit=unit, low=low, high=high)
 
 
+def may_be(section: MachineSection, values: Mapping[Location, float]) -> bool:
+    """Whether the schema allows other values of numbers, each by itself."""
+    numbers = (n for n in numbers_of(section).values() if n.location in values)
+    return all(number.low <= values[number.location] <= number.high for number in numbers)
+
+
 def chosen_numbers(section: MachineSection, path: str, part: str) -> list[Number]:
     """The number at a key path, or all of the list there; ``part`` names it in errors.
 
