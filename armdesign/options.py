@@ -95,7 +95,7 @@ SetOption = Annotated[
         "--set",
         metavar="PATH=VALUE",
         help="Another number at a key path of the machine file, as fluid.bulk_modulus_MPa=1400,"
-        " for this run; again for each further one.",
+        " for this run; again for each further one, of one key the last counts.",
         show_default=False,
     ),
 ]

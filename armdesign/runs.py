@@ -292,11 +292,16 @@ class OfMachines(Run):
     allow_outside: OutsideOption = False
 
     def load(self, name: str | Path, *, check: bool = True) -> Machine:
-        """A machine, with the numbers that ``--set`` gives; ``check``: that it fits together."""
+        """A machine, with the numbers that ``--set`` gives, of one key the last.
+
+        ``check``: that it fits together.
+        """
         from armdesign.machine.changes import changed_machine, read_changes
         from armdesign.machine.loading import load, load_unchecked
 
-        changes = read_changes(self.set, "--set")
+        changes = dict[str, Any]()
+        for word in self.set:
+            changes |= read_changes([word], "--set")
         model = (load if check else load_unchecked)(name, allow_outside=self.allow_outside)
         return changed_machine(model, changes, "--set", check=check) if changes else model
 

@@ -61,6 +61,19 @@ def test_other_numbers_are_those_of_replace(
     assert written["f1_hz"].to_list() == pytest.approx(frame["f1_hz"].to_list(), rel=1e-8)
 
 
+def test_of_one_key_the_last_number_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a refusal says what to add to the line that it refuses; it was refused again."""
+    monkeypatch.chdir(tmp_path)
+    written = []
+    for bores in (["70"], ["1e9", "70"]):
+        more = [word for bore in bores for word in ("--set", f"cylinder.lift.bore_mm={bore}")]
+        assert main(["map", "paper_1dof", "--points", "3", "--quiet", *more], monkeypatch) == 0
+        written.append(Path("out/map_paper_1dof/map.csv").read_bytes())
+    assert written[0] == written[1]
+
+
 @pytest.mark.parametrize(
     ("word", "message"),
     [
