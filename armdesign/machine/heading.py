@@ -1,4 +1,4 @@
-"""Where an arm points: reach along that direction, and what is ahead of the slew axis.
+"""Where an arm points: reach along that direction, what is ahead of the slew axis, pitches.
 
 An arm points along the vertical plane in which it moves: square to those of its hinges that are
 not upright, the more the farther from them the tool is, else along its first slide that is level,
