@@ -80,16 +80,32 @@ def design_or_proof(problem: Problem, design: Callable[[Problem, bool], T], cata
                 return answer
             settled = True
             break
-    if len(refusals) == 1:
+    one = len(refusals) == 1
+    conflict = refusals[0].conflict if one else _all_together(problem, refusals, requirements)
+    needed = _needed(problem, design, conflict) if settled else conflict
+    if one and needed == conflict:
         raise refusals[0]
-    conflict = _all_together(problem, refusals, requirements)
     last = [] if settled else [c.name for c in refusals[-1].conflict]
     none_meets, otherwise = "no design meets", ""
     if catalogue and any(WITH_SIZES in refusal.fault for refusal in refusals):
         none_meets, otherwise = f"{WITH_SIZES}{none_meets}", OTHER_SIZES
     raise conflict_error(
-        problem.machine.name, conflict, none_meets, settled, otherwise, last, least=False
+        problem.machine.name, needed, none_meets, settled, otherwise, last, least=False
     )
+
+
+def _needed(
+    problem: Problem, design: Callable[[Problem, bool], T], conflict: tuple[Concession, ...]
+) -> tuple[Concession, ...]:
+    """What a conflict asks for, without what gives besides where there is a design without it."""
+    needed = tuple(c for c in conflict if c.part != BESIDES)
+    if needed == conflict:
+        return conflict
+    try:
+        design(problem.under(problem.requirements.granting(needed)), True)
+    except InfeasibleError:
+        return conflict
+    return needed
 
 
 def _all_together(

@@ -353,9 +353,10 @@ def test_what_no_setting_can_give_is_said() -> None:
     assert holding.together > 5
 
 
-def test_conflicts_with_a_common_requirement_are_one() -> None:
+@pytest.mark.parametrize("needed", [True, False])
+def test_conflicts_with_a_common_requirement_are_one(needed: bool) -> None:
     """A later refusal may conflict with what an earlier one names: by itself the rest of it may
-    not.
+    not. What gives besides is asked for where there is no design without it; it always was.
     """
     problem = problem_of("single", ("areas",))
     checks = check(problem.machine, problem.machine, problem.workspace, problem.requirements)
@@ -363,11 +364,14 @@ def test_conflicts_with_a_common_requirement_are_one() -> None:
     asked = [{"thrust.lift": 0, "buckling.lift": 0, "oil.cap.lift": BESIDES},
              {"buckling.lift": 0, "oil.cap.total": 0}, {"holding.lift": 0}]  # fmt: skip
 
+    oil = known["oil.cap.lift"].setting
+    today = problem.requirements.setting(oil)
+
     def design(problem: Problem, any_will_do: bool) -> str:
-        if not asked:
+        if not asked and (problem.requirements.setting(oil) > today or not needed):
             return "a design"
         conflict = []
-        for name, part in asked.pop(0).items():
+        for name, part in (asked.pop(0) if asked else {"thrust.lift": 0}).items():
             c = known[name]
             value = problem.requirements.setting(c.setting) * (0.99 if c.at_least else 1.01)
             amount = 0.01 * c.limit
@@ -379,9 +383,9 @@ def test_conflicts_with_a_common_requirement_are_one() -> None:
     with pytest.raises(InfeasibleError) as error:
         design_or_proof(problem, design, catalogue=False)
     one = "thrust.lift together with buckling.lift and oil.cap.total"
-    assert f"no design meets {one}, nor holding.lift; as these" in str(error.value)
-    assert "these alone gave no design, oil.cap.lift gives besides; relax" in str(error.value)
-    assert [c.part for c in error.value.conflict] == [0, 0, 0, 1, BESIDES]
+    alone = "as these alone gave no design, oil.cap.lift gives besides; " if needed else ""
+    assert f"no design meets {one}, nor holding.lift; {alone}relax" in str(error.value)
+    assert [c.part for c in error.value.conflict] == [0, 0, 0, 1, *([BESIDES] if needed else [])]
 
 
 @pytest.mark.parametrize(("catalogue", "count"), [(True, 2), (False, 1)])
