@@ -238,9 +238,8 @@ def side_view(machine: Machine, q: ArrayLike, known: SideView | None = None) -> 
     drawn_bodies = known.bodies if known is not None else bodies(machine)
     where = {link: index for index, body in enumerate(drawn_bodies) for link in body.links}
     placements = np.stack([plane.placements(poses, body.link) for body in drawn_bodies], axis=1)
-    pins, points, cylinders, bars, lengths = _between_pins(
-        machine, (poses, arm.kinematics(z)), where
-    )
+    pins, points, cylinders, bars = _between_pins(machine, poses, where)
+    lengths = _lengths(machine, arm.kinematics(z))
     loads = [load for load in machine.payloads if load.link is not None and load.mass > 0]
     return SideView(
         bodies=drawn_bodies,
@@ -304,14 +303,10 @@ def _coordinates(machine: Machine, q: ArrayLike) -> Array:
 
 
 def _between_pins(
-    machine: Machine, drawn_and_real: tuple[RigidPoses, RigidPoses], where: dict[str, int]
-) -> tuple[list[PinPoint], list[Array], list[CylinderShape], list[Bar], list[Array]]:
-    """Pins and their places as drawn, cylinders and bars between them, real pin-to-pin lengths.
-
-    Slewing, which is not drawn, changes the length of a cylinder across a slew.
-    """
-    poses, real = drawn_and_real
-    pins, points, lengths = list[PinPoint](), list[Array](), list[Array]()
+    machine: Machine, poses: RigidPoses, where: dict[str, int]
+) -> tuple[list[PinPoint], list[Array], list[CylinderShape], list[Bar]]:
+    """Pins and their places as drawn, cylinders and bars between them."""
+    pins, points = list[PinPoint](), list[Array]()
     cylinders, bars = list[CylinderShape](), list[Bar]()
     for cylinder, linkage, idle in shown_cylinders(machine):
         first = len(pins)
@@ -323,7 +318,6 @@ def _between_pins(
             points.append(linkage.point(poses, pin))
         with np.errstate(invalid="ignore"):
             _, end = linkage.ends(poses)
-            lengths.append(np.linalg.norm(np.subtract(*linkage.ends(real)), axis=1))
         index = {name: first + i for i, name in enumerate(linkage.pin_names)}
         if (rod_end := linkage.rod_end_name) not in index:
             index[rod_end] = len(pins)
@@ -334,7 +328,13 @@ def _between_pins(
         for leg, pin in linkage.legs:
             ends, (length,) = (index[pin], index[rod_end]), linkage.place(leg) or (0.0,)
             bars.append(Bar(name=f"{cylinder.name}.{leg}", ends=ends, length=length))
-    return pins, points, cylinders, bars, lengths
+    return pins, points, cylinders, bars
+
+
+def _lengths(machine: Machine, poses: RigidPoses) -> list[Array]:
+    """Pin-to-pin lengths at poses with their slewing, which changes those across a slew."""
+    with np.errstate(invalid="ignore"):
+        return [linkage.length(poses) for _, linkage, _ in shown_cylinders(machine)]
 
 
 def shown_cylinders(machine: Machine) -> Iterator[tuple[Cylinder, Linkage, bool]]:
