@@ -7,7 +7,7 @@ the two habits in which tables are printed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 __all__ = [
@@ -40,8 +40,9 @@ kN = 1e3
 deg = math.pi / 180.0
 l_per_min = litre / 60.0
 
-SIZED = "N", "N m", "kg"  # small machines have less of them than decimals show: two more then
-TINY = 0.02  # of the last decimal, below which it is nothing
+SIZED = "N", "N m", "kg", "m³", "m³/s", "s"  # of which small machines have little
+ALONE, LARGEST = 2, 3  # digits of these, at least: of a number alone, of the largest of several
+TINY, NONE = 0.02, 1e-4  # of the last decimal, below which these are nothing
 GRAVITY = 9.81  # [m/s²], the value of Pinocchio's default model
 ATMOSPHERE = 101_325.0  # [Pa]
 
@@ -58,11 +59,28 @@ class Units:
 
     def number(self, value: float, unit: str, decimals: int | None = None) -> str:
         """A value [unit, SI] as its number alone."""
-        factor, _, usual = self.table[unit]
-        digits = usual if decimals is None else decimals
-        if unit in SIZED and TINY <= abs(value / factor) * 10**digits < 1:
-            digits += 2
-        return f"{round(float(value / factor), digits) + 0.0:.{digits}f}"  # 0.0, never -0.0
+        usual = self.table[unit][2] if decimals is None else decimals
+        return self._digits(value, unit, self._decimals(value, unit, usual, ALONE, TINY))
+
+    def numbers(
+        self, values: Iterable[float], unit: str, decimals: int | None = None
+    ) -> list[str]:
+        """Values [unit, SI] as numbers of equal decimals, with three digits of the largest."""
+        known, usual = list(values), self.table[unit][2] if decimals is None else decimals
+        largest = max((abs(value) for value in known if math.isfinite(value)), default=0.0)
+        digits = self._decimals(largest, unit, usual, LARGEST, NONE)
+        return [self._digits(value, unit, digits) for value in known]
+
+    def _decimals(self, value: float, unit: str, usual: int, least: int, nothing: float) -> int:
+        """As many as usual, more where fewer digits than the least would be left."""
+        shown = abs(value / self.table[unit][0])
+        if unit not in SIZED or not nothing <= shown * 10**usual < math.inf:
+            return usual
+        return max(usual, least - 1 - math.floor(math.log10(shown)))
+
+    def _digits(self, value: float, unit: str, digits: int) -> str:
+        shown = float(value / self.table[unit][0])
+        return f"{round(shown, digits) + 0.0:.{digits}f}"  # 0.0, never -0.0
 
     def text(self, value: float, unit: str, decimals: int | None = None) -> str:
         """A value [unit, SI] with its unit."""
@@ -75,6 +93,19 @@ class Units:
     def span(self, low: float, high: float, unit: str) -> str:
         """An interval [unit, SI] with its unit."""
         return _joined(f"[{self.number(low, unit)}, {self.number(high, unit)}]", self.name(unit))
+
+
+def masses(values: Iterable[float]) -> list[str]:
+    """Masses [kg] that are lifted, as numbers with three digits of the largest, or whole ones.
+
+    A dash where there is none (NaN).
+
+    Example:
+        >>> from armdesign.units import masses
+        >>> print(masses([2.334, 0.87]), masses([8961.2, 87.4]))
+        ['2.33', '0.87'] ['8961', '87']
+    """
+    return ["–" if mass == "nan" else mass for mass in WORKSHOP.numbers(values, "kg")]
 
 
 def percent(share: float, decimals: int = 1) -> str:

@@ -38,7 +38,7 @@ from armdesign.machine.machine import Machine
 from armdesign.report.comparison import WORST_POSE, is_position, quantities
 from armdesign.report.sheet import Sheet
 from armdesign.short_repr import short_repr
-from armdesign.units import WORKSHOP, Units, percent
+from armdesign.units import WORKSHOP, Units, masses, percent
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -184,8 +184,8 @@ class WhatIf:
     def _sheet(self, title: str, table: pd.DataFrame, units: Units, note: str) -> Sheet:
         rows = []
         for name, row in table.iterrows():
-            values = (
-                _cell(row[kind], row["unit"], units) for kind in ("before", "linear", "after")
+            values = _cells(
+                [row[kind] for kind in ("before", "linear", "after")], row["unit"], units
             )
             unit = units.name(row["unit"]) if row["unit"] in units.table else row["unit"]
             if is_position(str(name)):
@@ -210,9 +210,9 @@ class WhatIf:
         ends = {"least": exact.argmin(), "greatest": exact.argmax()}
         for words, at in ends.items() if exact.min() < exact.max() else ():
             row = known.iloc[int(at)]
-            masses = (_mass(row[kind]) for kind in ("before", "linear", "after"))
+            lifted = masses(row[kind] for kind in ("before", "linear", "after"))
             cells = (percent(ratios[kind].iloc[int(at)]) for kind in ("linear", "after"))
-            rows.append((f"{words} change, {known.index[int(at)]}", *masses, *cells))
+            rows.append((f"{words} change, {known.index[int(at)]}", *lifted, *cells))
         medians = (percent(float(ratios[kind].median())) for kind in ("linear", "after"))
         rows.append(("median change", "", "", "", *medians))
         return Sheet(
@@ -229,12 +229,15 @@ class WhatIf:
         return plots.linear_against_exact(self, ax)
 
 
-def _cell(value: Any, unit: str, units: Units) -> str:
-    if value is None or not np.isfinite(value):
-        return "–"
-    if unit not in units.table:
-        return f"{value:.4f}"
-    return units.number(value, unit)
+def _cells(values: Sequence[Any], unit: str, units: Units) -> list[str]:
+    known = [float("nan" if value is None else value) for value in values]
+    if unit in units.table:
+        numbers = units.numbers(known, unit)
+    else:
+        numbers = [f"{value:.4f}" for value in known]
+    return [
+        number if np.isfinite(value) else "–" for value, number in zip(known, numbers, strict=True)
+    ]
 
 
 def _difference(change: float, unit: str, units: Units) -> str:
@@ -243,10 +246,6 @@ def _difference(change: float, unit: str, units: Units) -> str:
         return "–"
     words = units.text(abs(change), unit)
     return f"{'-' if words != units.text(0.0, unit) and change < 0 else '+'}{words}"
-
-
-def _mass(value: float) -> str:
-    return f"{value:.0f}" if np.isfinite(value) else "–"
 
 
 @checked

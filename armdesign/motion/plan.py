@@ -197,7 +197,7 @@ def _refuse_shorter(machine: Machine, legs: Sequence[Leg], duration: float, shar
     """Raise for a duration [s] that is shorter than that of legs within flow and pressures."""
     shortest = _duration(legs)
     if duration < shortest * (1 - ROUNDING):
-        flow = f"{machine.supply.flow / l_per_min:.0f} l/min, its valves and pressures"
+        flow = f"{machine.supply.flow / l_per_min:.4g} l/min, its valves and pressures"
         fault = f"{duration:.3g} s is faster than {share:g} of the pump's {flow} allow"
         more = " or, up to 1, a larger --share (in Python share)" if share < 1 else ""
         remedy = f"give {math.ceil(100 * shortest) / 100:.2f} s or more{more}"

@@ -11,6 +11,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.plots.canvas import COLOURS, INK, WIDTH, Style, figure, line_width, literal, wrapped
 from armdesign.plots.colour_bars import colour_bar, hide_colour_bar
+from armdesign.units import masses
 
 if TYPE_CHECKING:
     from armdesign.machine.lift_chart import LiftChart
@@ -40,9 +41,7 @@ def lift_chart(chart: LiftChart, ax: Axes | None = None, **limits: float) -> Axe
         The axes.
     """
     ax = figure()[1][0] if ax is None else ax
-    words = [
-        (f"{mass:.0f}", name) for mass, name in zip(chart.capacity, chart.limiting, strict=True)
-    ]
+    words = list(zip(masses(chart.capacity), chart.limiting, strict=True))
     _points(ax, (chart.reach, chart.height), chart.capacity, words, KILOGRAMS, COLOURS, limits)
     ax.set_title(_limited(chart), fontsize=10)
     return ax

@@ -78,13 +78,12 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
         return machine.arm.coordinates[joint].name if joint >= 0 else "fixed"
 
     for link, mass in inspection.masses.items():
-        rows.append((f"link {link}", units.number(mass, "kg", 1), carrier(link)))
+        rows.append((f"link {link}", mass, carrier(link)))
     cylinders = [(cylinder, "") for cylinder in machine.cylinders]
     cylinders += [(cylinder, carrier(k.observer)) for cylinder, k in machine.idle_cylinders]
     for cylinder, where in cylinders:
         rows += [
-            (f"{cylinder.name} {bar}", units.number(mass, "kg", 1), where)
-            for bar, mass in cylinder.moving_masses.items()
+            (f"{cylinder.name} {bar}", mass, where) for bar, mass in cylinder.moving_masses.items()
         ]
     for payload in machine.payloads:
         where = f"on {payload.link}" if payload.link else ""
@@ -92,11 +91,13 @@ def _masses(inspection: Inspection, units: Units) -> Sheet:
             held = 100 * inspection.share_held(payload.name)
             low, high = payload.limits
             where += f", pitch {units.span(low, high, 'rad')}: {held:.0f} % of the poses"
-        rows.append((f"payload {payload.name}", units.number(payload.mass, "kg", 1), where))
+        rows.append((f"payload {payload.name}", payload.mass, where))
     bare = [cylinder.name for cylinder, _ in cylinders if not cylinder.moving_masses]
     note = f"no mass given for cylinder{'s' * (len(bare) > 1)} {', '.join(bare)}" * bool(bare)
     heads = ("part", "mass [kg]", "where")
-    return Sheet(title="Masses", columns=heads, rows=tuple(rows), note=note)
+    parts, masses, carriers = zip(*rows, strict=True)
+    shown = zip(parts, units.numbers(masses, "kg", 1), carriers, strict=True)
+    return Sheet(title="Masses", columns=heads, rows=tuple(shown), note=note)
 
 
 def _joints(inspection: Inspection, units: Units) -> Sheet:

@@ -13,7 +13,7 @@ from armdesign.arrays import Array
 from armdesign.machine.lift_chart import HYDRAULIC_SHARE, TIPPING, TIPPING_SHARE, LiftChart
 from armdesign.machine.lift_chart import lift_chart_if_any as chart_if_any
 from armdesign.report.sheet import Sheet
-from armdesign.units import WORKSHOP, Units
+from armdesign.units import WORKSHOP, Units, masses
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
@@ -45,18 +45,18 @@ def lift_columns(charts: Mapping[str, LiftChart]) -> dict[str, Array]:
     """
     reached = {label: list(zip(-c.height, c.reach, strict=True)) for label, c in charts.items()}
     places = sorted({place for some in reached.values() for place in some})
-    masses, limiting = dict[str, Array](), dict[str, Array]()
+    lifted, limiting = dict[str, Array](), dict[str, Array]()
     for label, chart in charts.items():
         rows = [bisect_left(places, place) for place in reached[label]]
-        masses[f"{label}_kg"] = np.full(len(places), np.nan)
+        lifted[f"{label}_kg"] = np.full(len(places), np.nan)
         limiting[f"{label}_limiting"] = np.full(len(places), None, dtype=object)
-        masses[f"{label}_kg"][rows] = chart.capacity
+        lifted[f"{label}_kg"][rows] = chart.capacity
         limiting[f"{label}_limiting"][rows] = chart.limiting
-    one, other = masses.values()
+    one, other = lifted.values()
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = other / one
     below, reach = np.transpose(places)
-    return {"reach_m": reach, "height_m": 0.0 - below, **masses, "ratio": ratio, **limiting}
+    return {"reach_m": reach, "height_m": 0.0 - below, **lifted, "ratio": ratio, **limiting}
 
 
 def lift_sheet(charts: Mapping[str, LiftChart], units: Units = WORKSHOP) -> Sheet:
@@ -72,9 +72,9 @@ def _grid(chart: LiftChart, units: Units) -> Sheet:
     usual = Counter(chart.limiting).most_common(1)[0][0]
     named = usual if usual == TIPPING else f"the {usual}"
     cells = {
-        (height, reach): f"{capacity:.0f}" + ("" if limiting == usual else f" {limiting}")
+        (height, reach): capacity + ("" if limiting == usual else f" {limiting}")
         for height, reach, capacity, limiting in zip(
-            chart.height, chart.reach, chart.capacity, chart.limiting, strict=True
+            chart.height, chart.reach, masses(chart.capacity), chart.limiting, strict=True
         )
     }
     heights, reaches = (sorted({place[k] for place in cells}) for k in (0, 1))
@@ -92,17 +92,20 @@ def _grid(chart: LiftChart, units: Units) -> Sheet:
 def _list(charts: Mapping[str, LiftChart], units: Units) -> Sheet:
     """A row for each point."""
     one, other = charts
-    columns = lift_columns(charts)
+    reaches, heights, before, after, ratios, *limiting = lift_columns(charts).values()
+    lifted = masses([*before, *after])
+    pairs = zip(lifted[: len(before)], lifted[len(before) :], strict=True)
     rows = []
-    for reach, height, *masses, ratio, old, new in zip(*columns.values(), strict=True):
-        limits = [name or "out of reach" for name in (old, new)]
+    for reach, height, pair, ratio, *limits in zip(
+        reaches, heights, pairs, ratios, *limiting, strict=True
+    ):
         rows.append(
             (
                 f"{height:.3g}",
                 f"{reach:.3g}",
-                *("" if np.isnan(mass) else f"{mass:.0f}" for mass in masses),
+                *pair,
                 f"{ratio:.2f}" if np.isfinite(ratio) else "",
-                " → ".join(dict.fromkeys(limits)),
+                " → ".join(dict.fromkeys(name or "out of reach" for name in limits)),
             )
         )
     return Sheet(

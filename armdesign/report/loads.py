@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
@@ -58,19 +59,26 @@ def _cells(
     from armdesign.design.requirements.check import digging_forces, static_loads
 
     loads, forces = static_loads(machine, workspace), digging_forces(machine)
+    oil = [
+        units.numbers([getattr(c, side) * c.stroke for c in machine.cylinders], "m³")
+        for side in ("bore_area", "annulus_area")
+    ]
+    thrust = [c.available_pressure(machine.supply) * c.bore_area for c in machine.cylinders]
+    digs = [forces.get(c.name, math.nan) for c in machine.cylinders]
+    columns = (*oil, units.numbers(thrust, "N", 0), units.numbers(digs, "N"))
     cells = {}
-    for i, cylinder in enumerate(machine.cylinders):
+    for i, (cylinder, *numbers, digging_force) in enumerate(
+        zip(machine.cylinders, *columns, strict=True)
+    ):
         pressures = [
             cylinder.static_pressures(force[i] * sign, machine.supply)[side]
             for force, sign, side in zip(loads, (1, -1), (0, 1), strict=True)
         ]
-        digs = cylinder.name in digging and cylinder.name in forces
+        shown = cylinder.name in digging and cylinder.name in forces
         cells[cylinder.name] = (
-            units.number(cylinder.bore_area * cylinder.stroke, "m³"),
-            units.number(cylinder.annulus_area * cylinder.stroke, "m³"),
-            units.number(cylinder.available_pressure(machine.supply) * cylinder.bore_area, "N", 0),
+            *numbers,
             *(units.number(float(pressure), "Pa") for pressure in pressures),
-            units.number(forces[cylinder.name], "N") if digs else "–",
+            digging_force if shown else "–",
         )
     return cells
 
@@ -81,4 +89,4 @@ def _totals(machines: Mapping[str, tuple[Machine, Workspace]], side: str, units:
         sum(getattr(cylinder, side) * cylinder.stroke for cylinder in machine.cylinders)
         for machine, _ in machines.values()
     ]
-    return f"{' → '.join(units.number(v, 'm³') for v in volumes)} {units.name('m³')}"
+    return f"{' → '.join(units.numbers(volumes, 'm³'))} {units.name('m³')}"

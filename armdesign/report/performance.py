@@ -138,7 +138,7 @@ def performance_sheet(machines: Mapping[str, Machine], units: Units = WORKSHOP) 
 def _cell(figure: Figure | None, units: Units) -> str:
     if figure is None or figure.values is None:
         return "–"
-    return ", ".join(units.number(value, figure.unit) for value in figure.values)
+    return ", ".join(units.numbers(figure.values, figure.unit))
 
 
 def _ratio(row: Sequence[Figure | None]) -> str:

@@ -311,7 +311,7 @@ class _Steady:
         needed = float(self._demand()[row])
         if needed > pump:
             return (
-                f"it needs {needed / l_per_min:.0f} l/min, the pump gives {pump / l_per_min:.0f}"
+                f"it needs {needed / l_per_min:.1f} l/min, the pump gives {pump / l_per_min:.1f}"
             )
         if not len(stuck):
             return "no speed of the pistons at which forces are in balance"

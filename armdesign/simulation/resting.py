@@ -147,15 +147,17 @@ def _refuse_limits(plant: Plant, equilibrium: Array) -> None:
         relief, end = cylinder.relief(supply), min(place, cylinder.stroke - place)
         leaks = cylinder.valve is not None and cylinder.valve.leaks
         # Behind a valve that leaks the flow makes the pressure, too.
-        stands = "rests at {:.{}f} bar" if leaks else "needs {:.{}f} bar to hold the load"
+        stands = f"rests at {pressure / bar:.4g} bar"
+        if not leaks:
+            stands = f"needs {pressure / bar:.4g} bar to hold the load"
         if pressure >= supply.pressure:
-            fault = f"{stands.format(pressure / bar, 0)}, supply is {supply.pressure / bar:.0f}"
+            fault = f"{stands}, supply is {supply.pressure / bar:.4g}"
             remedy = "choose a lighter load, a larger cylinder or another pose"
             raise SimulationError(part, f"{fault} bar", remedy)
         if pressure > relief - BARELY:
-            fault = f"{stands.format(pressure / bar, 1)}, its relief opens at"
+            fault = f"{stands}, its relief opens at"
             remedy = "raise relief_bar, or choose a lighter load or another pose"
-            raise SimulationError(part, f"{fault} {relief / bar:.1f} bar", remedy)
+            raise SimulationError(part, f"{fault} {relief / bar:.4g} bar", remedy)
         if math.isfinite(cylinder.stroke) and end < LEAST_END * cylinder.stroke:
             fault = f"is {end / mm:.2f} mm from its end stop"
             raise SimulationError(part, fault, "choose a pose inside its stroke")

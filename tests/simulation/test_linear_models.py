@@ -217,8 +217,8 @@ def test_what_leaks_and_is_not_told_to_move_holds_as_at_rest(pump: str) -> None:
         ({"opening": 0.1, "speed": 0.1}, "has openings and joint speeds; give one of the two"),
         ({"speed": [1.0, 2.0]}, "speed is no array of 3 numbers"),
         ({"speed": [np.nan, 0.0, 0.0]}, "speed holds a number that is not finite"),
-        ({"speed": [1.5, 0.0, 0.0]}, "needs 759 l/min, the pump gives 429; 0.56 of it can be"),
-        ({"speed": [100.0, 0.0, 0.0]}, "the pump gives 429; 0.0083 of it can be: give speeds"),
+        ({"speed": [1.5, 0.0, 0.0]}, "needs 759.4 l/min, the pump gives 429.0; 0.56 of it can be"),
+        ({"speed": [100.0, 0.0, 0.0]}, "the pump gives 429.0; 0.0083 of it can be: give speeds"),
     ],
 )
 def test_motions_that_cannot_be_are_told(motion: dict[str, object], words: str) -> None:

@@ -419,7 +419,8 @@ def test_faults(excavator: Machine) -> None:
     with pytest.raises(PoseError):
         validate(excavator, (3.0, 0.0, 0.0))
     with pytest.raises(
-        SimulationError, match=r"boom cylinder: needs \d+ bar to hold the load, supply is 350 bar"
+        SimulationError,
+        match=r"boom cylinder: needs [\d.]+ bar to hold the load, supply is 350 bar",
     ):
         validate(excavator.with_payload(6000.0), WORST)
     edge = excavator.ranges[0, 1]

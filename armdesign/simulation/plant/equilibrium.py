@@ -327,7 +327,7 @@ def _overcome(
     load = f"{abs(force) / kN:.3g} {'kN m' if isinstance(actuator, Motor) else 'kN'}"
     return (
         f"the relief of {chamber} cannot hold {load}: that needs"
-        f" {largest / bar:.0f} bar, it opens at {relief / bar:.0f} bar"
+        f" {largest / bar:.4g} bar, it opens at {relief / bar:.4g} bar"
     )
 
 

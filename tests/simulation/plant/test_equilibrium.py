@@ -188,7 +188,7 @@ def test_a_load_above_the_relief_is_told(excavator: Machine) -> None:
     needed = (force + boom.annulus_area * 5 * bar) / boom.bore_area / bar
     assert needed > 171
     words = (
-        f"the relief of boom's cap cannot hold {force / 1e3:.0f} kN: that needs {needed:.0f} bar,"
+        f"the relief of boom's cap cannot hold {force / 1e3:.0f} kN: that needs {needed:.4g} bar,"
         " it opens at 170 bar"
     )
     for preloaded in (None, True, False):
@@ -201,7 +201,7 @@ def test_a_load_above_the_relief_is_told(excavator: Machine) -> None:
         linearize(machine, WORST)
     assert "\n" not in str(caught.value)
     with pytest.raises(
-        SimulationError, match=r"boom cylinder: needs 188\.1 bar .* its relief opens at 170\.0 bar"
+        SimulationError, match=r"boom cylinder: needs 188\.1 bar .* its relief opens at 170 bar"
     ):
         validate(machine, WORST, cylinders=["boom"])
     workspace = ad.Workspace.grid(machine, 7)
