@@ -20,6 +20,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.hydraulics.actuator import Cylinder
 from armdesign.hydraulics.cylinder_build import barrel_outer
+from armdesign.machine.poses import refuse_open
 from armdesign.mechanism.linkage.base import Linkage, Pin
 from armdesign.mechanism.linkage.kinds import KINDS
 from armdesign.mechanism.rigid_poses import RigidPoses
@@ -128,8 +129,12 @@ def cylinder_bodies(machine: Machine, q: Array, reference: Array) -> tuple[Cylin
         machine: the machine.
         q: poses (n, nq) [rad, m].
         reference: the pose (nq,) at which all their joints are 0.
+
+    Raises:
+        PoseError: a four-bar does not close.
     """
     rigid = machine.arm.kinematics(np.concatenate([q, reference[None]]))
+    refuse_open(machine, rigid)
     bodies: list[CylinderBody] = []
     idle = (pair for pair in machine.idle_cylinders if pair[1].closes(rigid).all())
     for cylinder, linkage in (*zip(machine.cylinders, machine.linkages, strict=True), *idle):
@@ -178,6 +183,7 @@ def _cylinder(
             axis=(0.0, 0.0, 1.0),
             place=place,
             turn=(0.0, 0.0, pan),
+            bar=(0.0, cylinder.closed_length),
             positions=_turns(lines.pan),
         )
         parent, place = f"{name}_swivel", (0.0, 0.0, 0.0)

@@ -19,7 +19,9 @@ from armdesign.units import mm
 if TYPE_CHECKING:
     import pandas as pd
 
+    from armdesign.hydraulics.actuator import Cylinder
     from armdesign.machine.machine import Machine
+    from armdesign.mechanism.linkage.base import Linkage
 
 Row = tuple[str, str, str, Array]  # link, pin, kind, place in the link's frame [m]
 
@@ -27,6 +29,8 @@ Row = tuple[str, str, str, Array]  # link, pin, kind, place in the link's frame 
 @checked
 def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
     """Pins of cylinders and four-bars, joints and tool, a row for each link that has it.
+
+    Idle cylinders and frozen joints too: what is frozen here may move in another program.
 
     Columns: ``link``, ``pin``, ``kind`` (cylinder, four_bar, joint, tool, load), ``x_mm``,
     ``y_mm``, ``z_mm`` in the link's frame; ``root_x_mm`` … in the root link's frame at the pose. A
@@ -57,7 +61,7 @@ def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
     for link, pin, kind, at in _rows(machine):
         root = machine.arm.point(rigid, link, at)[0]
         rows.append((link, pin, kind, *(at / mm), *(root / mm)))
-    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+    for cylinder, linkage in _pairs(machine):
         if (name := linkage.rod_end_name) not in linkage.pin_names:
             end = linkage.ends(rigid)[1][0]
             rows.append(("", f"{cylinder.name}.{name}", linkage.key, *[np.nan] * 3, *(end / mm)))
@@ -71,13 +75,19 @@ def pin_table(machine: Machine, pose: ArrayLike | None = None) -> pd.DataFrame:
     return table
 
 
+def _pairs(machine: Machine) -> Iterator[tuple[Cylinder, Linkage]]:
+    """All cylinders with their linkages."""
+    yield from zip(machine.cylinders, machine.linkages, strict=True)
+    yield from machine.idle_cylinders
+
+
 def _rows(machine: Machine) -> Iterator[Row]:
-    for cylinder, linkage in zip(machine.cylinders, machine.linkages, strict=True):
+    for cylinder, linkage in _pairs(machine):
         for name in linkage.pin_names:
             pin = getattr(linkage, name)
             kind = "cylinder" if name in ("base", "rod_end") else linkage.key
             yield pin.link, f"{cylinder.name}.{name}", kind, np.array(pin.at)
-    for joint in ET.fromstring(machine.arm.xml).findall("joint"):
+    for joint in ET.fromstring(machine.urdf_text).findall("joint"):
         if joint.get("type") == "fixed":
             continue
         parent, child = (joint.find(tag) for tag in ("parent", "child"))

@@ -21,7 +21,8 @@ from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.visuals import Visual, visuals
 from armdesign.errors import ArmDesignError
 from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
-from armdesign.exchange.urdf import centre, folder_of, urdf
+from armdesign.exchange.inertials import Inertial, light_mass, of_bar, of_frame
+from armdesign.exchange.urdf import folder_of, urdf
 from armdesign.machine.load_case import NO_LOAD
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.rigid_poses import RigidPoses
@@ -35,8 +36,6 @@ if TYPE_CHECKING:
 
 VERSION = "1.7"  # the first with relative_to
 RESERVED = re.compile(r"world|__.*__|.*::.*", re.DOTALL)
-# of bodies whose mass is within the links, and of frames: simulators refuse none at all
-LIGHT, LIGHT_INERTIA = 0.1, 1e-3  # [kg], [kg m²]
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -45,17 +44,17 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
 
     Raises:
         ArmDesignError: a name that SDF keeps for itself.
-        PoseError: not one number per joint, or of a machine with springs a pose that it cannot
-            take.
+        PoseError: not one number per joint, a four-bar does not close, or of a machine with
+            springs a pose that it cannot take.
     """
     q = joint_positions(machine, middle_pose(machine) if pose is None else pose)[:1]
-    rigid = machine.arm.kinematics(q)
+    rigid, light = machine.arm.kinematics(q), light_mass(machine)
     document = ET.Element("sdf", version=VERSION)
     model = ET.SubElement(document, "model", name=machine.name)
-    _add_links(machine, model, rigid)
+    _add_links(machine, model, rigid, light)
     _add_joints(settled(replace(machine, payload=NO_LOAD), q), model, rigid)
     for body in cylinder_bodies(machine, q, q[0]):
-        _add_body(model, body)
+        _add_body(model, body, of_bar(body, light))
     for element in model.iter():
         if RESERVED.fullmatch(name := element.get("name", "")):
             fault = f'SDF keeps the name "{name}" of a {element.tag} for itself'
@@ -64,7 +63,7 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
     text = ET.tostring(document, encoding="unicode")
     remark = (
         f"{machine.name}, exported by armdesign. Units: m, kg, rad; joints are 0 at this pose."
-        f" Bodies of {LIGHT:g} kg have their mass within the links, or are frames."
+        f" Bodies of {light:.3g} kg have their mass within the links, or are frames."
     )
     return f'<?xml version="1.0"?>\n<!-- {remark} -->\n{text}\n'
 
@@ -72,7 +71,9 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
 # ------------------------------------------------------------------------------------------- links
 
 
-def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
+def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses, light: float) -> None:
+    tool = machine.tool
+    size = float(np.linalg.norm(machine.arm.point(rigid, tool.link, np.array(tool.at))[0]))
     robot = ET.fromstring(urdf(machine))
     own = {str(link.get("name")): link for link in robot.findall("link")}
     drawn = visuals(ET.tostring(robot, encoding="unicode"), folder_of(machine))
@@ -82,7 +83,7 @@ def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
         _add_pose(link, place, machine.arm.link_rotation(rigid, name)[0])
         inertial = own[name].find("inertial")
         if inertial is None:
-            _add_inertial(link, LIGHT, np.zeros(6), [LIGHT_INERTIA] * 3 + [0.0] * 3)
+            _add_own_inertial(link, of_frame(light, size or 1.0))
         else:
             origin, inertia = inertial.find("origin"), inertial.find("inertia")
             frame = np.concatenate(
@@ -102,6 +103,11 @@ def _add_inertial(link: ET.Element, mass: float, frame: Array, moments: list[flo
     inertia = ET.SubElement(inertial, "inertia")
     for key, value in zip(MOMENTS, moments, strict=True):
         ET.SubElement(inertia, key).text = repr(float(value))
+
+
+def _add_own_inertial(link: ET.Element, own: Inertial) -> None:
+    frame = np.array([own.centre, 0.0, 0.0, 0.0, 0.0, 0.0])
+    _add_inertial(link, own.mass, frame, [*own.moments, 0.0, 0.0, 0.0])
 
 
 def _add_visual(link: ET.Element, name: str, visual: Visual) -> None:
@@ -196,15 +202,11 @@ def _add_spring(joint: ET.Element, spring: Spring) -> None:
 # --------------------------------------------------------------------------------------- cylinders
 
 
-def _add_body(model: ET.Element, body: CylinderBody) -> None:
+def _add_body(model: ET.Element, body: CylinderBody, own: Inertial) -> None:
     """A body of a cylinder or four-bar, its joint, and the joint that closes its loop."""
     link = ET.SubElement(model, "link", name=body.name)
     _add_pose(link, np.array(body.place), of_roll_pitch_yaw(*body.turn), body.parent)
-    length = body.bar[1] - body.bar[0]
-    mass = body.mass or LIGHT
-    across = max(mass * length**2 / 12, LIGHT_INERTIA)
-    frame = np.array([*centre(body), 0.0, 0.0, 0.0])
-    _add_inertial(link, mass, frame, [LIGHT_INERTIA, across, across, 0.0, 0.0, 0.0])
+    _add_own_inertial(link, own)
     span = body.span[1] - body.span[0]
     for index, offset in enumerate(body.offsets if span > 0 else ()):
         shape = Visual(

@@ -18,6 +18,7 @@ from armdesign.arguments import checked
 from armdesign.arrays import Array
 from armdesign.drawing.visuals import mesh_file
 from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
+from armdesign.exchange.inertials import Inertial, light_mass, of_bar
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.urdf import attribute
 from armdesign.mechanism.urdf_faults import MOVABLE
@@ -49,7 +50,7 @@ def robot_positions(machine: Machine, q: ArrayLike) -> pd.DataFrame:
         q: poses (n, nq) [rad, m], or one (nq,).
 
     Raises:
-        PoseError: not one number per joint.
+        PoseError: not one number per joint, or a four-bar does not close.
 
     Example:
         >>> import armdesign as ad
@@ -81,9 +82,9 @@ def urdf(machine: Machine) -> str:
     if machine.section.links:
         _add_boxes(machine, robot)
         _add_limits(machine, robot)
-    at = reference(machine)
+    at, light = reference(machine), light_mass(machine)
     for body in cylinder_bodies(machine, at[None], at):
-        _add_link(robot, body)
+        _add_link(robot, body, of_bar(body, light))
         _add_joint(robot, body)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
@@ -100,6 +101,7 @@ def _remark(machine: Machine) -> str:
         f"{machine.name}, exported by armdesign. Units: m, kg, rad. Joints ending in _barrel,"
         " _rod, _rocker, _coupler (_swivel) are of cylinders and four-bars: set them by"
         " armdesign.robot_positions; all are 0 where the other joints are nearest to 0."
+        f" Bodies of {light_mass(machine):.3g} kg have their mass within the links."
     )
 
 
@@ -133,15 +135,14 @@ def _add_limits(machine: Machine, robot: ET.Element) -> None:
             limit.set("velocity", f"{velocity:.6g}")
 
 
-def _add_link(robot: ET.Element, body: CylinderBody) -> None:
+def _add_link(robot: ET.Element, body: CylinderBody, own: Inertial) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
-    if body.mass > 0:
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=attribute(centre(body)), rpy="0 0 0")
-        ET.SubElement(inertial, "mass", value=repr(body.mass))
-        across = repr(body.mass * (body.bar[1] - body.bar[0]) ** 2 / 12)
-        products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-        ET.SubElement(inertial, "inertia", ixx="0", iyy=across, izz=across, attrib=products)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=attribute((own.centre, 0.0, 0.0)), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=repr(own.mass))
+    ixx, iyy, izz = map(repr, own.moments)
+    products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    ET.SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, attrib=products)
     length = body.span[1] - body.span[0]
     for offset in body.offsets if length > 0 else ():
         shape = ET.Element("cylinder", radius=repr(body.diameter / 2), length=repr(length))
@@ -158,11 +159,6 @@ def _add_joint(robot: ET.Element, body: CylinderBody) -> None:
     if body.limits is not None:
         lower, upper = map(repr, body.limits)
         ET.SubElement(joint, "limit", lower=lower, upper=upper, effort="0", velocity="0")
-
-
-def centre(body: CylinderBody) -> tuple[float, float, float]:
-    """Centre of mass of a body [m] in its frame."""
-    return sum(body.bar) / 2, 0.0, 0.0
 
 
 def add_visual(

@@ -276,21 +276,33 @@ def reachable_poses(machine: Machine, rigid: RigidPoses) -> Poses:
             too soft.
     """
     poses = poses_of(machine, rigid)
+    if not np.isfinite(poses.lengths).all():
+        refuse_open(machine, rigid)
     _refuse_unreachable(machine, poses)
     refuse_toppling(machine, poses)
     return poses
 
 
+def refuse_open(machine: Machine, rigid: RigidPoses) -> None:
+    """Raise for the first pose at which a linkage does not close.
+
+    Raises:
+        PoseError: a four-bar does not.
+    """
+    for linkage, cylinder in zip(machine.linkages, machine.cylinders, strict=False):
+        if np.any(open_ := ~linkage.closes(rigid)):
+            where = pose_text(machine, first := rigid.q[open_][0])
+            remedy = f"stay in the range of {_range_text(machine, linkage, cylinder, first)}"
+            part = f"{machine.name}: {cylinder.name} cylinder"
+            raise PoseError(part, f"its {linkage.title} does not close at {where}", remedy)
+
+
 def _refuse_unreachable(machine: Machine, poses: Poses) -> None:
-    """Raise for the first pose out of stroke, singular, or at which a four-bar does not close."""
+    """Raise for the first pose out of stroke, or singular."""
     pairs = zip(machine.linkages, machine.cylinders, poses.lengths.T, strict=False)
     for linkage, cylinder, length in pairs:
         least, most = cylinder.closed_length, cylinder.open_length
         part = f"{machine.name}: {cylinder.name} cylinder"
-        if np.any(open_ := ~np.isfinite(length)):
-            where = pose_text(machine, first := poses.q[open_][0])
-            remedy = f"stay in the range of {_range_text(machine, linkage, cylinder, first)}"
-            raise PoseError(part, f"its {linkage.title} does not close at {where}", remedy)
         out = (length < least - STROKE_TOLERANCE) | (length > most + STROKE_TOLERANCE)
         if np.any(out):
             first = poses.q[out][0]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -17,6 +18,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armdesign as ad
+from armdesign.errors import PoseError
+from armdesign.exchange.inertials import light_mass
 from armdesign.machine import template
 from tests import machines
 from tests.commands import Refused, main
@@ -60,6 +63,20 @@ def test_the_pin_table_has_every_pin_in_its_link_and_at_the_pose(tmp_path: Path)
     apart = [knee[key] - pivot[key] for key in ("root_x_mm", "root_z_mm")]
     assert np.hypot(*apart) == pytest.approx(578.7, abs=1e-3)
     assert {"joint", "cylinder", "four_bar", "tool", "load"} == set(table["kind"])
+
+
+def test_what_is_frozen_is_in_the_pin_table() -> None:
+    """An idle cylinder's pins and its joint, as all other programs get them."""
+    machine = ad.load("excavator_20t")
+    text = machine.text.replace(', "bucket"]', "]").replace(
+        "swing = 0.0", "swing = 0.0, bucket = -1.0"
+    )
+    frozen = ad.Machine.from_text(text, machine.urdf_text, machine.source)
+    both = ad.pin_table(machine, [0.5, -1.0, -1.0]), ad.pin_table(frozen, [0.5, -1.0])
+    for table in both:
+        assert {"swing", "bucket", "bucket.base", "bucket.knee"} <= set(table["pin"])
+    pins, others = (table.query("kind != 'load'").sort_values(["link", "pin"]) for table in both)
+    pd.testing.assert_frame_equal(pins.reset_index(drop=True), others.reset_index(drop=True))
 
 
 # -------------------------------------------------------------------------------------------- DXF
@@ -116,7 +133,8 @@ def test_the_drawing_stands_at_the_pose(tmp_path: Path) -> None:
     document = ezdxf.readfile(ad.export(machine, tmp_path / "m.dxf", q))
     centres = [c.dxf.center for c in document.modelspace().query("CIRCLE")]
     table = ad.pin_table(machine, q)
-    for row in table[table["kind"].isin(["cylinder", "four_bar", "joint"])].itertuples():
+    drawn = table["kind"].isin(["cylinder", "four_bar", "joint"]) & (table["pin"] != "swing")
+    for row in table[drawn].itertuples():  # a frozen joint is in no side view
         away = [np.hypot(c.x - row.root_x_mm, c.y - row.root_z_mm) for c in centres]
         assert min(away) < 2e-4, row.pin
     title = [text.dxf.text for text in document.modelspace().query("TEXT")]
@@ -193,8 +211,53 @@ def test_the_links_weigh_what_they_weighed(tmp_path: Path) -> None:
         model = pinocchio.buildModelFromXML(ad.export(one, tmp_path / "m.urdf").read_text())
         masses = sum(inertia.mass for inertia in model.inertias)
         rocker = 11.524  # the only bar with a mass of its own
-        bare = pinocchio.buildModelFromXML(machine.urdf_text)
-        assert masses == pytest.approx(sum(i.mass for i in bare.inertias) + rocker)
+        bare = sum(i.mass for i in pinocchio.buildModelFromXML(machine.urdf_text).inertias)
+        light = sum(i.mass for i in model.inertias if i.mass == light_mass(one))
+        assert masses - light == pytest.approx(bare + rocker, rel=1e-12)
+        assert 0 < light < 2e-5 * bare
+
+
+@pytest.mark.parametrize("kind", ["urdf", "sdf"])
+@pytest.mark.parametrize("mass", [100.0, 0.3])
+def test_bars_have_their_own_moments_of_any_size(kind: str, mass: float, tmp_path: Path) -> None:
+    """m L²/12 across a barrel and a rod as long; what simulators ask of all: positive moments, of
+    which none is more than both others together. A machine of 1 kg has no bodies of 0.1 kg.
+    """
+    machine = two_joints(mass)
+    boom, length = machine.cylinders[0], machine.cylinders[0].closed_length
+    robot = ET.parse(ad.export(machine, tmp_path / f"m.{kind}")).getroot()
+    found = {str(link.get("name")): inertial_of(link) for link in robot.iter("link")}
+    for name, of_bar in (("ram_barrel", boom.barrel_mass), ("ram_rod", boom.rod_mass)):
+        moments = sorted(found[name][1])
+        assert found[name][0] == of_bar > 0
+        assert moments[1:] == pytest.approx([of_bar * length**2 / 12] * 2, rel=1e-12)
+        assert moments[0] < 2e-3 * moments[1]
+    assert 0 < found["thumb_rod"][0] == found["thumb_barrel"][0] < 2e-5 * mass
+    for name in found.keys() - {"root"}:
+        own, (least, middle, most) = found[name][0], sorted(found[name][1])
+        assert own > 0 < least <= middle <= most <= least + middle
+
+
+def two_joints(mass: float) -> ad.Machine:
+    """Two links of a mass, the first with a cylinder that weighs, the other with one that not."""
+    joints = [
+        machines.Joint("boom", "root", mass=mass),
+        machines.Joint("stick", "boom", xyz=(1.5, 0, 0), mass=mass),
+    ]
+    weighs = f"barrel_kg = {mass / 15!r}\nrod_kg = {mass / 30!r}"
+    ram = machines.CylinderSpec("ram", ("root", (0.3, 0, -0.6)), ("boom", (0.8, 0, 0.2)))
+    thumb = machines.CylinderSpec("thumb", ("boom", (0.5, 0, 0.5)), ("stick", (-0.2, 0, 0.3)))
+    return machines.build(joints, [replace(ram, extra=weighs), thumb])
+
+
+def inertial_of(link: ET.Element) -> tuple[float, list[float]]:
+    """Mass and three moments, of a URDF or SDF; NaN where a link has none."""
+    mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
+    if mass is None or inertia is None:
+        return np.nan, [np.nan] * 3
+    keys = ("ixx", "iyy", "izz")
+    moments = [float(inertia.get(key) or inertia.findtext(key) or "nan") for key in keys]
+    return float(mass.get("value") or mass.text or "nan"), moments
 
 
 def pose_of(element: ET.Element) -> tuple[np.ndarray, np.ndarray]:
@@ -243,6 +306,20 @@ def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
         assert np.array(lower_upper) + at == pytest.approx(limits, abs=1e-12)
 
 
+def test_poses_at_which_a_four_bar_is_open_are_refused(tmp_path: Path) -> None:
+    machine = ad.load("excavator_20t").replace({"cylinder.bucket.four_bar.coupler_mm": 530.0})
+    q = [0.5, -1.0, 1.3]
+    words = r"bucket cylinder: its four-bar does not close at .*bucket 74\.5°; stay in the range of"
+    for refused in (
+        lambda: ad.export(machine, tmp_path / "m.sdf", q),
+        lambda: ad.robot_positions(machine, q),
+        lambda: machine.at(q),
+    ):
+        with pytest.raises(PoseError, match=words):
+            refused()
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("name", "like_it"), [("world", "World"), ("__model__", "_model__"), ("a::b", "a:b")]
 )
@@ -264,7 +341,7 @@ def test_springs_of_the_sdf_hold_the_unloaded_arm_at_the_pose(tmp_path: Path) ->
         inertial = model.find(f"link[@name='{name}']/inertial")
         assert inertial is not None
         mass = float(inertial.findtext("mass") or 0)
-        if name != machine.arm.root and mass != 0.1:  # else a frame
+        if name != machine.arm.root and mass != light_mass(machine):  # else a frame
             moment += 9.81 * mass * (place + rotation @ pose_of(inertial)[1])[0]
     found = model.find("joint[@name='rocking_joint']/axis/dynamics")
     assert found is not None
