@@ -106,12 +106,17 @@ def _in_frame(linkage: Linkage, rigid: RigidPoses, link: str, vector: Array) -> 
     return np.asarray((np.swapaxes(rotation, 1, 2) @ vector[:, :, None])[..., 0].T)
 
 
+def reference(machine: Machine) -> Array:
+    """The pose (nq,) at which all joints of cylinders are 0: the nearest to all joints at 0."""
+    return np.asarray(np.clip(np.zeros(len(machine.joints)), *machine.ranges.T))
+
+
 def _leaves_plane(machine: Machine, linkage: Linkage) -> bool:
     """Whether a cylinder leaves the x–z plane of its link at any pose, not at some alone.
 
     A place that is analytic in q and lies in a plane at a few poses at random always does.
     """
-    middle = np.clip(np.zeros(len(machine.joints)), *machine.ranges.T)
+    middle = reference(machine)
     low, high = np.clip(machine.ranges.T, middle - NEAR, middle + NEAR)
     shares = np.random.default_rng(0).random((PROBES, len(middle)))
     rigid = machine.arm.kinematics(low + shares * (high - low))

@@ -10,13 +10,19 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING, NamedTuple
 
-from armdesign.exchange.cylinder_bodies import CylinderBody
+import numpy as np
+
+from armdesign.exchange.cylinder_bodies import CylinderBody, reference
+from armdesign.mechanism.urdf import attribute
 
 if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
 
 LIGHT = 1e-6  # mass of a light body, over that of all links
+FRAME = 0.1  # radius of gyration of a frame, over the distance of the tool from the root
 SLENDER = 1e-3  # moment of a bar about itself, over that across it
+MOMENTS = ("ixx", "iyy", "izz")
+PRODUCTS = ("ixy", "ixz", "iyz")
 
 
 class Inertial(NamedTuple):
@@ -26,6 +32,32 @@ class Inertial(NamedTuple):
     centre: float
     moments: tuple[float, float, float]
 
+    @classmethod
+    def of_bar(cls, body: CylinderBody, light: float) -> Inertial:
+        """Of a body of a cylinder or four-bar: a slender bar, or a light one [kg]."""
+        begin, end = body.bar
+        mass = body.mass or light
+        across = mass * (end - begin) ** 2 / 12
+        return cls(mass, (begin + end) / 2, (SLENDER * across, across, across))
+
+    @classmethod
+    def of_frame(cls, machine: Machine) -> Inertial:
+        """Of a link without mass."""
+        tool, light = machine.tool, light_mass(machine)
+        rigid = machine.arm.kinematics(reference(machine)[None])
+        size = np.linalg.norm(machine.arm.point(rigid, tool.link, np.array(tool.at))[0])
+        moment = light * float(FRAME * size or 1.0) ** 2
+        return cls(light, 0.0, (moment, moment, moment))
+
+    def add_to(self, link: ET.Element) -> None:
+        """Give a link of a URDF this inertial."""
+        element = ET.Element("inertial")
+        ET.SubElement(element, "origin", xyz=attribute((self.centre, 0.0, 0.0)), rpy="0 0 0")
+        ET.SubElement(element, "mass", value=repr(self.mass))
+        moments = dict(zip(MOMENTS, map(repr, self.moments), strict=True))
+        ET.SubElement(element, "inertia", moments | dict.fromkeys(PRODUCTS, "0"))
+        link.insert(0, element)
+
 
 def light_mass(machine: Machine) -> float:
     """Mass of a light body [kg]."""
@@ -33,15 +65,15 @@ def light_mass(machine: Machine) -> float:
     return LIGHT * (sum(float(mass.get("value", "0")) for mass in masses) or 1.0)
 
 
-def of_bar(body: CylinderBody, light: float) -> Inertial:
-    """Of a body of a cylinder or four-bar: a slender bar, or a light one [kg]."""
-    begin, end = body.bar
-    mass = body.mass or light
-    across = mass * (end - begin) ** 2 / 12
-    return Inertial(mass, (begin + end) / 2, (SLENDER * across, across, across))
-
-
-def of_frame(light: float, size: float) -> Inertial:
-    """Of a link without mass, in a machine of a size [m]."""
-    moment = light * (size / 10) ** 2
-    return Inertial(light, 0.0, (moment, moment, moment))
+def complete(machine: Machine, robot: ET.Element) -> None:
+    """Give links that move and have no inertial one, and slender links a moment about them."""
+    frame = Inertial.of_frame(machine)
+    for link in robot.findall("link"):
+        if link.find("inertial") is None and link.get("name") != machine.arm.root:
+            frame.add_to(link)
+        for inertia in link.iterfind("inertial/inertia"):
+            moments = {key: float(inertia.get(key, "0")) for key in MOMENTS}
+            least = SLENDER * max(moments.values())
+            for key, moment in moments.items():
+                if moment == 0:
+                    inertia.set(key, repr(least))

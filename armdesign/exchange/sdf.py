@@ -21,7 +21,7 @@ from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.visuals import Visual, visuals
 from armdesign.errors import ArmDesignError
 from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
-from armdesign.exchange.inertials import Inertial, light_mass, of_bar, of_frame
+from armdesign.exchange.inertials import MOMENTS, PRODUCTS, Inertial, light_mass
 from armdesign.exchange.urdf import folder_of, urdf
 from armdesign.machine.load_case import NO_LOAD
 from armdesign.machine.poses import joint_positions
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 VERSION = "1.7"  # the first with relative_to
 RESERVED = re.compile(r"world|__.*__|.*::.*", re.DOTALL)
-MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+INERTIA = (*MOMENTS, *PRODUCTS)
 
 
 def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
@@ -51,10 +51,10 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
     rigid, light = machine.arm.kinematics(q), light_mass(machine)
     document = ET.Element("sdf", version=VERSION)
     model = ET.SubElement(document, "model", name=machine.name)
-    _add_links(machine, model, rigid, light)
+    _add_links(machine, model, rigid)
     _add_joints(settled(replace(machine, payload=NO_LOAD), q), model, rigid)
     for body in cylinder_bodies(machine, q, q[0]):
-        _add_body(model, body, of_bar(body, light))
+        _add_body(model, body, Inertial.of_bar(body, light))
     for element in model.iter():
         if RESERVED.fullmatch(name := element.get("name", "")):
             fault = f'SDF keeps the name "{name}" of a {element.tag} for itself'
@@ -71,9 +71,7 @@ def sdf(machine: Machine, pose: ArrayLike | None = None) -> str:
 # ------------------------------------------------------------------------------------------- links
 
 
-def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses, light: float) -> None:
-    tool = machine.tool
-    size = float(np.linalg.norm(machine.arm.point(rigid, tool.link, np.array(tool.at))[0]))
+def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses) -> None:
     robot = ET.fromstring(urdf(machine))
     own = {str(link.get("name")): link for link in robot.findall("link")}
     drawn = visuals(ET.tostring(robot, encoding="unicode"), folder_of(machine))
@@ -83,13 +81,13 @@ def _add_links(machine: Machine, model: ET.Element, rigid: RigidPoses, light: fl
         _add_pose(link, place, machine.arm.link_rotation(rigid, name)[0])
         inertial = own[name].find("inertial")
         if inertial is None:
-            _add_own_inertial(link, of_frame(light, size or 1.0))
+            _add_own_inertial(link, Inertial.of_frame(machine))
         else:
             origin, inertia = inertial.find("origin"), inertial.find("inertia")
             frame = np.concatenate(
                 [numbers(origin, "xyz", "0 0 0"), numbers(origin, "rpy", "0 0 0")]
             )
-            moments = [float(numbers(inertia, key, "0")[0]) for key in MOMENTS]
+            moments = [float(numbers(inertia, key, "0")[0]) for key in INERTIA]
             mass = float(numbers(inertial.find("mass"), "value", "0")[0])
             _add_inertial(link, mass, frame, moments)
         for index, visual in enumerate(drawn[name]):
@@ -101,7 +99,7 @@ def _add_inertial(link: ET.Element, mass: float, frame: Array, moments: list[flo
     ET.SubElement(inertial, "pose").text = attribute(frame)
     ET.SubElement(inertial, "mass").text = repr(mass)
     inertia = ET.SubElement(inertial, "inertia")
-    for key, value in zip(MOMENTS, moments, strict=True):
+    for key, value in zip(INERTIA, moments, strict=True):
         ET.SubElement(inertia, key).text = repr(float(value))
 
 

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array
 from armdesign.drawing.visuals import mesh_file
-from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies
-from armdesign.exchange.inertials import Inertial, light_mass, of_bar
+from armdesign.exchange.cylinder_bodies import CylinderBody, cylinder_bodies, reference
+from armdesign.exchange.inertials import Inertial, complete, light_mass
 from armdesign.machine.poses import joint_positions
 from armdesign.mechanism.urdf import attribute
 from armdesign.mechanism.urdf_faults import MOVABLE
@@ -31,11 +30,6 @@ if TYPE_CHECKING:
 
 THIN = 1 / 15  # drawn height of a link of [links] without a box, over its length
 PAINT = (0.95, 0.70, 0.10, 1.0)
-
-
-def reference(machine: Machine) -> Array:
-    """The pose (nq,) at which all joints of cylinders are 0: the nearest to all joints at 0."""
-    return np.asarray(np.clip(np.zeros(len(machine.joints)), *machine.ranges.T))
 
 
 @checked
@@ -82,9 +76,10 @@ def urdf(machine: Machine) -> str:
     if machine.section.links:
         _add_boxes(machine, robot)
         _add_limits(machine, robot)
+    complete(machine, robot)
     at, light = reference(machine), light_mass(machine)
     for body in cylinder_bodies(machine, at[None], at):
-        _add_link(robot, body, of_bar(body, light))
+        _add_link(robot, body, Inertial.of_bar(body, light))
         _add_joint(robot, body)
     ET.indent(robot)
     text = ET.tostring(robot, encoding="unicode")
@@ -101,7 +96,7 @@ def _remark(machine: Machine) -> str:
         f"{machine.name}, exported by armdesign. Units: m, kg, rad. Joints ending in _barrel,"
         " _rod, _rocker, _coupler (_swivel) are of cylinders and four-bars: set them by"
         " armdesign.robot_positions; all are 0 where the other joints are nearest to 0."
-        f" Bodies of {light_mass(machine):.3g} kg have their mass within the links."
+        f" Bodies of {light_mass(machine):.3g} kg have their mass within the links, or are frames."
     )
 
 
@@ -137,12 +132,7 @@ def _add_limits(machine: Machine, robot: ET.Element) -> None:
 
 def _add_link(robot: ET.Element, body: CylinderBody, own: Inertial) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=attribute((own.centre, 0.0, 0.0)), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=repr(own.mass))
-    ixx, iyy, izz = map(repr, own.moments)
-    products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    ET.SubElement(inertial, "inertia", ixx=ixx, iyy=iyy, izz=izz, attrib=products)
+    own.add_to(link)
     length = body.span[1] - body.span[0]
     for offset in body.offsets if length > 0 else ():
         shape = ET.Element("cylinder", radius=repr(body.diameter / 2), length=repr(length))

@@ -208,11 +208,13 @@ def test_a_cylinder_in_the_plane_of_its_link_at_one_pose_alone_swivels(tmp_path:
 def test_the_links_weigh_what_they_weighed(tmp_path: Path) -> None:
     machine = ad.load("loader_crane")
     for one in (machine, with_links(machine)):
-        model = pinocchio.buildModelFromXML(ad.export(one, tmp_path / "m.urdf").read_text())
+        text = ad.export(one, tmp_path / "m.urdf").read_text()
+        model = pinocchio.buildModelFromXML(text)
         masses = sum(inertia.mass for inertia in model.inertias)
         rocker = 11.524  # the only bar with a mass of its own
         bare = sum(i.mass for i in pinocchio.buildModelFromXML(machine.urdf_text).inertias)
-        light = sum(i.mass for i in model.inertias if i.mass == light_mass(one))
+        bodies = [inertial_of(link)[0] for link in ET.fromstring(text).iter("link")]
+        light = sum(mass for mass in bodies if mass == light_mass(one))
         assert masses - light == pytest.approx(bare + rocker, rel=1e-12)
         assert 0 < light < 2e-5 * bare
 
@@ -309,7 +311,9 @@ def test_loops_are_closed_in_the_sdf(name: str, tmp_path: Path) -> None:
 def test_poses_at_which_a_four_bar_is_open_are_refused(tmp_path: Path) -> None:
     machine = ad.load("excavator_20t").replace({"cylinder.bucket.four_bar.coupler_mm": 530.0})
     q = [0.5, -1.0, 1.3]
-    words = r"bucket cylinder: its four-bar does not close at .*bucket 74\.5°; stay in the range of"
+    words = (
+        r"bucket cylinder: its four-bar does not close at .*bucket 74\.5°; stay in the range of"
+    )
     for refused in (
         lambda: ad.export(machine, tmp_path / "m.sdf", q),
         lambda: ad.robot_positions(machine, q),
