@@ -13,7 +13,7 @@ from armdesign.machine.file import machine_file
 from armdesign.machine.file.section import NAME_LENGTH, NAME_PATTERN
 from armdesign.machine.file.toml_writing import dump
 from armdesign.mechanism.linkage.kinds import KINDS
-from armdesign.mechanism.urdf_faults import MOVABLE, elements
+from armdesign.mechanism.urdf_faults import MOVABLE, elements, parse
 from armdesign.text_files import LARGEST_URDF
 
 FLUID = {"bulk_modulus_MPa": 1200.0, "entrained_air_percent": 0.0, "density_kg_per_m3": 870.0}
@@ -93,7 +93,7 @@ def machine_text(
             remedy = "expected {key: value} as in a machine file"
             fault = f"type {type(value).__name__} is not allowed"
             raise MachineFileError(ARGUMENTS[key], fault, remedy)
-    robot = elements(urdf_text, path.name)
+    robot = parse(urdf_text, path.name)
     if joints is None:
         joints = _driven(robot, given.get("cylinder", {}), given.get("motor", {}))
     joints = [str(joint) for joint in joints]

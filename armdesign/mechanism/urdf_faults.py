@@ -304,10 +304,10 @@ def _of_limits(
     wrong = [fault for key in ends for fault in _of_numbers(limit, key, "0", 1, joint)]
     yield from wrong
     lower, upper = (math.nan if wrong else float(numbers(limit, key, "0")[0]) for key in ends)
-    if moves and lower >= upper:
+    if lower > upper or (moves and lower == upper):
         fault = f"limits [{lower:g}, {upper:g}] are empty"
         yield joint.fault(fault, "lower must be below upper", limit)
-    if moves is False and not wrong and not lower <= frozen <= upper:
+    elif moves is False and not wrong and not lower <= frozen <= upper:
         fault = f"is frozen at {frozen:g}, outside its limits [{lower:g}, {upper:g}]"
         remedy, turns = "give frozen another value", joint.element.get("type") == "revolute"
         if turns and abs(frozen) > 2 * math.pi and lower <= frozen * deg <= upper:

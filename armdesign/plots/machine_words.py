@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from armdesign.machine.machine import Machine
     from armdesign.plots.canvas import Axes
 
+IDLE = "#9ca3af"  # colour of what is frozen
+
 
 def pose_words(machine: Machine, view: SideView) -> str:
     """Positions of all joints of the first pose, in degrees and mm."""
@@ -97,13 +99,14 @@ def ends(machine: Machine, view: SideView) -> list[Label]:
 
 
 def sizes_legend(ax: Axes, machines: Sequence[Machine]) -> None:
-    """Legend of the colours: actuators with their sizes, of each machine."""
-    handles = []
+    """Legend of the colours: actuators with their sizes, of each machine, and what is frozen."""
+    handles, frozen = [], machines[-1].idle
     for name, colour in actuator_colours(machines[-1]).items():
         sizes = [text for machine in machines if (text := _sizes(machine, name))]
         distinct = list(dict.fromkeys(sizes))
         label = f"{name}: {' → '.join(distinct)}" if distinct else name
-        handles += ax.fill([np.nan], [np.nan], fc=colour, ec=INK, lw=0.7, label=label)
+        label, paint = (f"{label}, frozen", IDLE) if name in frozen else (label, colour)
+        handles += ax.fill([np.nan], [np.nan], fc=paint, ec=INK, lw=0.7, label=label)
     place = {"bbox_to_anchor": (0.0, 0.0), "bbox_transform": below(ax, 0.42)}
     ax.legend(handles=handles, ncols=2, loc="upper left", borderaxespad=0, **place)
 

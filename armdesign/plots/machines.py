@@ -30,6 +30,7 @@ from armdesign.plots.canvas import (
 )
 from armdesign.plots.labels import place_labels, room_for
 from armdesign.plots.machine_words import (
+    IDLE,
     ends,
     faults,
     joint_labels,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 BODY: Style = {"fc": "#e5e7eb", "ec": "#4b5563", "lw": 0.8}
 ROD: Style = {"fc": "#cbd5e1", "ec": "#4b5563", "lw": 0.6}
-EARTH, FAINT = "#8b7355", "#9ca3af"
+EARTH = "#8b7355"
 LINE = 0.15  # [in] of a line of words
 HEADING = 9.0  # [pt] letters of the title and the words below it
 BESIDE = 0.22  # of the width: the range of the tool
@@ -122,7 +123,7 @@ def draw_machine(
     for shape, pair, faulty in zip(view.cylinders, view.barrel_and_rod(pose), wrong, strict=True):
         if np.isfinite(pair).all():
             edge: Style = {"ec": MARK, "lw": 1.8} if faulty else {"ec": INK, "lw": 0.7}
-            paint = FAINT if shape.idle else colours[shape.name]
+            paint = IDLE if shape.idle else colours[shape.name]
             ax.fill(*pair[1].T, **{**ROD, **edge}, zorder=5)
             ax.fill(*pair[0].T, fc=paint, **edge, zorder=5)
     for name, joint in view.motors.items():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdesign.arrays import Array
 from armdesign.drawing.joint_arcs import middle_pose
 from armdesign.drawing.side_view import SideView, side_view
 from armdesign.drawing.swing import Swing, Swings
@@ -66,18 +67,16 @@ def mode_shapes(machine: Machine, q: ArrayLike | None = None) -> Figure:
     wide, tall = (high - low).tolist()
     width = WIDTH / count
     heading = wrapped(f"{_title(machine)}\n{pose_words(machine, view)}", WIDTH, HEADING)
-    around = 1.5 + LINE * len(heading)  # of one size of the machine, however long its title is
+    around = 1.3 + LINE * len(heading)  # of one size of the machine, however long its title is
     fig, axes = figure(count, width, min((width - 0.6) * tall / wide * 1.08, TALLEST) + around)
     shown = [swings.of(pose, natural.shapes[:, :, mode]) for mode in range(count)]
     ends = [_ends(ax, machine, view, swing) for ax, swing in zip(axes, shown, strict=True)]
     seen = extent([view, *(end for both in ends for end in both)])
     for mode, (ax, swing) in enumerate(zip(axes, shown, strict=True)):
         frame(ax, seen, view, 0.0)
-        share = int(np.argmax(shares[mode]))
-        limiting = f"{100 * shares[mode][share]:.0f} % in {machine.yielding[share].name}"
-        words = f"mode {mode + 1}: {natural.frequencies[0, mode]:.3f} Hz, {limiting}"
+        words = _words(machine, natural.frequencies[0, mode], shares[mode])
         amplitude = f"± {swing.tool[0] / mm:.0f} mm at the tool{_across(swing, ends[mode])}"
-        ax.set_title(f"{words}\n{amplitude}", fontsize=9, loc="left")
+        ax.set_title(f"mode {mode + 1}: {words}\n{amplitude}", fontsize=9, loc="left")
     fig.suptitle("\n".join(heading), fontsize=HEADING)
     stars = [line for line in axes[0].lines if line.get_marker() == "*"]
     names = ["at rest", "one end of the swing", "the other end, half a period later"]
@@ -105,6 +104,14 @@ def _ends(ax: Axes, machine: Machine, view: SideView, swing: Swing) -> list[Side
             ax.plot(*end.points[0, list(bar.ends)].T, color=colour, lw=1.1, zorder=8)
         ax.plot(*end.tool[0], "*", color=colour, ms=9, zorder=9)
     return ends
+
+
+def _words(machine: Machine, frequency: float, shares: Array) -> str:
+    """Frequency [Hz] of a mode, and what limits it; of one that does not ring, that."""
+    if frequency == 0:
+        return "unstable on trapped oil"
+    most = int(np.argmax(shares))
+    return f"{frequency:.3f} Hz, {100 * shares[most]:.0f} % in {machine.yielding[most].name}"
 
 
 def _across(swing: Swing, ends: list[SideView]) -> str:

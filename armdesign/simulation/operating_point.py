@@ -2,7 +2,8 @@
 
 In steady motion joints turn at constant speed, pressures stay, and so does all but the pose, which
 is the one at hand: forces hold gravity, Coriolis and centrifugal forces and viscous friction.
-Actuators that are not told to move hold their load as at rest. Springs stand where they rest.
+Actuators that are not told to move hold their load as at rest. Springs stand where they rest, and
+carry what holds them there in this motion: not gravity alone, which is their preload in runs.
 """
 
 from __future__ import annotations

@@ -126,6 +126,8 @@ def rows(one: Reading) -> list[tuple[str, str]]:
 def swing_words(one: Reading, mode: int, tool: float) -> tuple[str, float]:
     """An animated mode with the way of the tool [m] in words, and how fast it is shown [Hz]."""
     frequency = float(one.frequencies[mode])
+    if frequency == 0:
+        return f"mode {mode + 1}: unstable on trapped oil", 0.0
     shown = min(frequency, SLOWED)
     slower = f", slowed {frequency / shown:.2g} times" if frequency > shown else ""
     return f"mode {mode + 1}: {frequency:.3g} Hz{slower}, ±{tool / mm:.0f} mm at the tool", shown

@@ -125,6 +125,14 @@ BAD = [
         "joint stick: mimics another joint",
     ),
     ({"urdf": "<robot"}, "not well-formed XML"),
+    ({"urdf": '<sdf version="1.7"/>'}, "machine.urdf: the XML root is <sdf>, not <robot>"),
+    (
+        {
+            "urdf": re.sub(r'(?s)(name="stick".*?lower=)"[^"]*"', r'\1"9"', URDF),
+            "joints": ["boom"],
+        },
+        "joint stick: limits [9, -0.5801] are empty; lower must be below upper",
+    ),
     ({"urdf": "none.urdf"}, "none.urdf: no such file"),
     ({"urdf": 5}, "urdf: type int is not allowed; give a path or the URDF's text"),
     ({"cylinders": {}}, "cylinder: an empty table is not allowed"),

@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 from armdesign import load, plots
 from armdesign.drawing.colours import ACTUATORS, actuator_colours
@@ -18,7 +19,7 @@ from armdesign.drawing.moved_pins import changed_bars, moved_pins
 from armdesign.drawing.side_view import side_view
 from armdesign.errors import ArmDesignError
 from armdesign.plots import canvas
-from armdesign.plots.machine_words import ends
+from armdesign.plots.machine_words import IDLE, ends
 from tests.commands import main
 from tests.machines import BOOM, LIFT, Joint, build, named
 from tests.slewing_tables import MOTOR
@@ -149,6 +150,20 @@ def test_modes_are_drawn_with_frequency_and_amplitude() -> None:
         assert tool == pytest.approx(500 * math.dist(*tips), abs=0.51)  # half the way
     assert titles[0].startswith("mode 1: ")
     assert "% in boom" in titles[0]
+
+
+def test_what_is_frozen_and_what_falls_are_said() -> None:
+    """The colour of a frozen actuator is in no picture; a pose that falls has no frequency."""
+    machine = named("excavator_20t")
+    legend = plots.machine_drawing(machine).get_legend()
+    assert legend is not None
+    words = [text.get_text() for text in legend.get_texts()]
+    assert words[-1] == "swing: motor, frozen"
+    assert not any("frozen" in word for word in words[:-1])
+    paints = [to_hex(patch.get_facecolor()) for patch in legend.get_patches()]
+    assert paints[-1] == IDLE not in paints[:-1]
+    fallen = plots.mode_shapes(named("paper_1dof").with_payload(1e9))
+    assert "mode 1: unstable on trapped oil\n" in fallen.axes[0].get_title(loc="left")
 
 
 @pytest.mark.parametrize("name", ["excavator_20t", "loader_crane", "paper_1dof", "patu_boom"])
