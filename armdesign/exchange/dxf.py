@@ -40,7 +40,8 @@ LAYERS = {  # name: colour of the DXF palette, linetype
 }
 TEXT, MARK = 1 / 110, 1 / 160  # height of texts and radius of circles, over the drawn size
 WIDTH = 1.4  # of a row of sheets, over the drawn size
-CROWD = np.array([14, 2.5])  # text heights along x and z within which texts of two pins meet
+CROWD = np.array([14, 4.5])  # text heights along x and z within which texts of two pins meet
+STEEP = 0.3  # of a cylinder that words beside its pin do not meet: across over along
 FORBIDDEN = re.compile(r'[<>/\\":;?*|,=`]')  # in names of blocks, which are equal in any case
 REMARK = "circles mark places of pins, not their sizes; mm"
 
@@ -86,8 +87,11 @@ class _ScaledSpace:
         if np.all(np.isfinite(corners)):
             self.space.add_lwpolyline(corners.tolist(), close=close, dxfattribs={"layer": layer})
 
-    def pin(self, at: Array, texts: list[str], shift: float = 0.0) -> None:
-        """A pin at a place (2,) [mm]: circle, centre lines, texts, shifted by so many lines."""
+    def pin(self, at: Array, texts: list[str], shift: float = 0.0, side: int = 1) -> None:
+        """A pin at a place (2,) [mm]: circle, centre lines, texts, shifted by so many lines.
+
+        They are to its right, or to its left (``side`` −1).
+        """
         x, y = at.tolist()
         self.space.add_circle((x, y), self.mark, dxfattribs={"layer": "PINS"})
         long = 2 * self.mark
@@ -95,11 +99,15 @@ class _ScaledSpace:
         self.line([(x, y - long), (x, y + long)], "CENTRE_LINES")
         for row, text in enumerate(texts):
             up = self.mark + 1.5 * (shift - row) * self.text
-            self.words(text, (x + long, y + up))
+            self.words(text, (x + side * long, y + up), ends=side < 0)
 
-    def words(self, text: str, at: tuple[float, float], height: float = 1.0) -> None:
-        """A text at a place [mm], as high as a share of the usual."""
-        attributes = {"layer": "NAMES", "height": height * self.text, "insert": at}
+    def words(
+        self, text: str, at: tuple[float, float], height: float = 1.0, ends: bool = False
+    ) -> None:
+        """A text that begins or ``ends`` at a place [mm], as high as a share of the usual."""
+        attributes: dict[str, Any] = {"layer": "NAMES", "height": height * self.text, "insert": at}
+        if ends:
+            attributes |= {"halign": 2, "align_point": at}
         self.space.add_text(text, dxfattribs=attributes)
 
 
@@ -120,11 +128,22 @@ def _draw_machine(sheet: _ScaledSpace, title: str, view: SideView) -> None:
         for name, at in zip(names, points / mm, strict=True):
             if np.all(np.isfinite(at)):
                 places.setdefault((round(at[0], 1), round(at[1], 1)), (at, []))[1].append(name)
+    ways = _ways(view)
     for place, texts in places.values():
-        sheet.pin(place, [", ".join(texts)])
+        sheet.pin(place, [", ".join(texts)], side=-1 if ways & set(texts) else 1)
     left, top = _corners(view)[0][0], _corners(view)[1][1]
     sheet.words(title, (left, top + 6 * sheet.text), 1.6)
     sheet.words(REMARK, (left, top + 4 * sheet.text))
+
+
+def _ways(view: SideView) -> set[str]:
+    """Names of pins from which a cylinder leads to the right, where their words would be."""
+    names = set[str]()
+    for shape in view.cylinders:
+        along = np.diff(view.points[0, list(shape.ends)], axis=0)[0]
+        if abs(along[0]) > STEEP * abs(along[1]):
+            names.add(view.pins[shape.ends[int(along[0] < 0)]].name)
+    return names
 
 
 def _pose(machine: Machine, q: Array) -> str:
@@ -182,11 +201,12 @@ def _draw_link(
         others = (place for place in places if np.any(place != at))
         ahead = [at - other for other in others if np.all(np.abs(at - other) < CROWD * sheet.text)]
         # texts run to the right: of two pins side by side the left one's go up, the other's down
-        shift = 0.0 if not ahead else -1.5 if any(x > 0 for x, _ in ahead) else 2.0
         names = ", ".join(dict.fromkeys(same["pin"]))
         named = zip(same["pin"], same["y_mm"], strict=True)
-        aside = [f"{name}: y {y:g}" for name, y in named if y]
-        sheet.pin(at, [names, f"x {at[0]:g}  z {at[1]:g}", *aside], shift)
+        texts = [names, f"x {at[0]:g}  z {at[1]:g}"]
+        texts += [f"{name}: y {y:g}" for name, y in named if y]
+        below = any(x > 0 for x, _ in ahead)
+        sheet.pin(at, texts, -1.5 if below else len(texts) - 1)  # above: clear of all lines
     low, high = corners
     title = f"link {link}: x and z in its frame"
     sheet.words(title, (low[0], high[1] + 6.5 * sheet.text), 1.4)

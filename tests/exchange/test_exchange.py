@@ -137,6 +137,9 @@ def test_the_drawing_stands_at_the_pose(tmp_path: Path) -> None:
     for row in table[drawn].itertuples():  # a frozen joint is in no side view
         away = [np.hypot(c.x - row.root_x_mm, c.y - row.root_z_mm) for c in centres]
         assert min(away) < 2e-4, row.pin
+    words = {text.dxf.text: text.dxf for text in document.modelspace().query("TEXT")}
+    sides = {name: words[name].halign for name in ("stick.base", "stick.rod_end")}
+    assert sides == {"stick.base": 2, "stick.rod_end": 0}, "clear of the barrel"
     title = [text.dxf.text for text in document.modelspace().query("TEXT")]
     assert any("boom 20.0 deg, stick -80.0 deg, bucket -30.0 deg" in text for text in title)
 
