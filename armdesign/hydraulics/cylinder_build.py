@@ -44,21 +44,23 @@ def barrel_outer(bore: Numbers, wall: float | None, pressure: Numbers) -> Number
 STEEL_DENSITY = 7850.0  # [kg/m³]
 
 
-def estimated_mass(bore: Numbers, rod: Numbers, stroke: Numbers, pressure: Numbers) -> Numbers:
+def estimated_mass(
+    bore: Numbers, rod: Numbers, stroke: Numbers, wall: float | None, pressure: Numbers
+) -> Numbers:
     """Mass of one cylinder [kg]: its steel, without oil, ports and eyes.
 
     The steel is barrel, bottom, gland, piston and rod. Piston, gland and bottom are each half a
-    bore long, the usual proportion; the rod passes through piston and gland. The barrel's wall is
-    ``barrel_ratio`` of the pressure. Complex-safe.
+    bore long, the usual proportion; the rod passes through piston and gland. Complex-safe.
 
     Args:
         bore: inner diameter D [m].
         rod: its diameter d [m].
         stroke: S [m].
+        wall: of the barrel [m]; None: what the pressure needs, see ``barrel_ratio``.
         pressure: that the barrel is made for [Pa]; the supply's.
     """
     part = bore / 2
-    outer = (barrel_ratio(pressure) * bore) ** 2
+    outer = barrel_outer(bore, wall, pressure) ** 2
     barrel, bottom = (outer - bore**2) * (stroke + 2 * part), outer * part
     rings, bar = (bore**2 - rod**2) * 2 * part, rod**2 * (stroke + 2 * part)
     return STEEL_DENSITY * math.pi / 4 * (barrel + bottom + rings + bar)

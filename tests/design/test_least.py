@@ -128,7 +128,8 @@ def test_mass_limit_is_a_requirement_like_others() -> None:
     machine, space = double(), workspace_of("double")
     pressure = machine.supply.pressure
     by_hand = sum(
-        c.count * estimated_mass(c.bore, c.rod, c.stroke, pressure) for c in machine.cylinders
+        c.count * estimated_mass(c.bore, c.rod, c.stroke, None, pressure)
+        for c in machine.cylinders
     )
     assert cylinder_mass(machine) == pytest.approx(by_hand)
     limit = replace(WIDE, cylinder_mass=by_hand)

@@ -190,8 +190,9 @@ def cylinder_mass(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
 
 def estimated_masses(new: Candidate) -> Array:
     """Estimated mass of all cylinders together (b,) [kg]."""
-    total = np.zeros(len(new.areas))
+    total, pressure = np.zeros(len(new.areas)), new.machine.supply.pressure
     for i, cylinder in enumerate(new.machine.cylinders):
-        mass = estimated_mass(*diameters(new, i), new.stroke[:, i], new.machine.supply.pressure)
+        sizes = (*diameters(new, i), new.stroke[:, i])
+        mass = estimated_mass(*sizes, cylinder.barrel_wall, pressure)
         total = total + cylinder.count * mass
     return total
