@@ -38,6 +38,7 @@ from armdesign.errors import ArmDesignError, choose
 from armdesign.frequency.cases import load_cases
 from armdesign.frequency.modes import natural_modes
 from armdesign.frequency.workspace import Workspace
+from armdesign.hydraulics.actuator import Actuator, Motor
 from armdesign.machine.machine import Machine
 from armdesign.short_repr import short_repr
 from armdesign.threads import in_threads
@@ -71,7 +72,8 @@ class BandwidthMap(ReadOnly):
             as in a frequency map; all else is of the pressures at rest, which are other ones
             where valves leak: with air in the oil that mode may be another, too.
         gains: one row for each row of ``frame``: ``<scheme>_<joint>_gain_per_s``,
-            ``<scheme>_<actuator>_pressure_gain_m_per_s_bar`` and ``corner_rad_per_s``.
+            ``<scheme>_<actuator>_pressure_gain_m_per_s_bar`` (of a motor ``…_rad_per_s_bar``)
+            and ``corner_rad_per_s``.
         machine: the machine.
         workspace: the poses.
         options: what was asked of the controllers.
@@ -304,13 +306,18 @@ def _in_time(plant: LoopPlant, scheme: str, controller: Controller) -> dict[str,
 
 
 def _numbers(machine: Machine, scheme: str, controller: Controller) -> dict[str, Array]:
-    joints, actuators = machine.joints, [actuator.name for actuator in machine.actuators]
-    position = zip(joints, controller.position.T, strict=True)
-    pressure = zip(actuators, controller.pressure.T, strict=True)
+    position = zip(machine.joints, controller.position.T, strict=True)
+    pressure = zip(machine.actuators, controller.pressure.T, strict=True)
     return {
         **{f"{scheme}_{name}_gain_per_s": gain for name, gain in position},
-        **{f"{scheme}_{name}_pressure_gain_m_per_s_bar": gain for name, gain in pressure},
+        **{f"{scheme}_{pressure_gain_column(one)}": gain for one, gain in pressure},
     }
+
+
+def pressure_gain_column(actuator: Actuator) -> str:
+    """Name of the column of pressure gains [m/s/bar], of a motor [rad/s/bar]."""
+    unit = "rad" if isinstance(actuator, Motor) else "m"
+    return f"{actuator.name}_pressure_gain_{unit}_per_s_bar"
 
 
 def _assembled(

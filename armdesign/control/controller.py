@@ -33,7 +33,7 @@ class Controller(ReadOnly):
 
     Attributes:
         position: K of each joint (n, nq) [1/s].
-        pressure: c of each actuator (n, nc) [m/s/bar].
+        pressure: c of each actuator (n, nc) [m/s/bar, of a motor rad/s/bar].
         corner: ω_c of the filters (n,) [rad/s].
         filter: their kind.
     """

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from armdesign.arguments import checked
 from armdesign.arrays import Array, ReadOnly
-from armdesign.control.bandwidth_map import BandwidthMap
+from armdesign.control.bandwidth_map import BandwidthMap, pressure_gain_column
 from armdesign.control.controller import Controller
 from armdesign.errors import ArmDesignError, choose
 from armdesign.machine.machine import Machine
@@ -37,8 +37,8 @@ class GainSchedule(ReadOnly):
     Attributes:
         machine: the machine.
         poses: at which gains are known (n, nq) [rad, m].
-        gains: there (n, nq + nc + 1): position gains [1/s], pressure gains [m/s/bar], corner of
-            the filters [rad/s].
+        gains: there (n, nq + nc + 1): position gains [1/s], pressure gains [m/s/bar, of a
+            motor rad/s/bar], corner of the filters [rad/s].
         of: gains (m, nq + nc + 1) at positions (m, nq) of joints.
         map: the map from which they come.
     """
@@ -112,7 +112,7 @@ def gain_schedule(
         table = table[table["payload"] == payload]
     gain = "gain" if feedback else "gain_without_feedback"
     names = [f"{joint}_{gain}_per_s" for joint in machine.joints]
-    names += [f"{one.name}_pressure_gain_m_per_s_bar" for one in machine.actuators]
+    names += [pressure_gain_column(one) for one in machine.actuators]
     table = table[table[names[0]] > 0]
     if table.empty:
         fault = "no gains keep the margin at any pose"

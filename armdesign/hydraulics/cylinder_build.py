@@ -80,9 +80,16 @@ def euler_load(inertia: Numbers, length: Numbers) -> Numbers:
 
 
 def euler_safety(bore: Numbers, rod: Numbers, open_length: Numbers, pressure: float) -> Numbers:
-    """Euler buckling load of the rod, L pin to pin with the rod out, over a pressure's thrust."""
+    """Euler buckling load over the thrust p π D²/4 of one cylinder, all as thick as its rod.
+
+    Args:
+        bore: inner diameter D [m].
+        rod: its diameter [m].
+        open_length: L, pin to pin with the rod out [m].
+        pressure: p in the cap chamber [Pa].
+    """
     thrust = pressure * math.pi / 4 * bore**2
-    return math.pi**2 * STEEL_MODULUS * second_moment(rod) / (open_length**2 * thrust)
+    return euler_load(second_moment(rod), open_length) / thrust
 
 
 def stepped_load(

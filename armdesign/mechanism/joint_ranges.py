@@ -140,9 +140,8 @@ class _JointRange:
         """Distance [m] to the nearest end of any stroke; NaN where a linkage does not close."""
         poses, rows = self._at(values), []
         for linkage, cylinder in self.pairs:
-            length, margin = linkage.length(poses), self.end_margin * cylinder.stroke
-            rows.append(length - cylinder.closed_length - margin)
-            rows.append(cylinder.open_length - margin - length)
+            length, (low, high) = linkage.length(poses), working_lengths(cylinder, self.end_margin)
+            rows += [length - low, high - length]
         return np.asarray(np.min(rows, axis=0))
 
     def _samples(self) -> Array:

@@ -222,7 +222,7 @@ def _supplied(case: SimulationCase) -> SimulationCase:
 def _refuse(case: SimulationCase) -> None:
     name, hold = case.machine.name, 1.0 if case.hold is None else case.hold
     rate = ("rate", case.rate, " per second")
-    for what, value, unit in (("duration", case.duration, " s"), rate, ("hold", hold, " s")):
+    for what, value, unit in (("duration", case.duration, " s"), rate, ("hold", hold, " Hz")):
         if not (math.isfinite(value) and value > 0):
             fault = f"{value:g}{unit} is not allowed"
             raise SimulationError(f"{name}: {what}", fault, "give a positive number")

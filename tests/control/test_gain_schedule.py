@@ -7,7 +7,10 @@ import pickle
 import numpy as np
 import pytest
 
+import armdesign as ad
 from armdesign.control.gain_schedule import _Between
+from tests import machines
+from tests.control.machines import single_pose
 
 
 def of_pose(q: np.ndarray) -> np.ndarray:
@@ -99,3 +102,26 @@ def test_it_is_pickled_and_read_again() -> None:
     q = grid(3)
     between = _Between.of(q, of_pose(q))
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(between))(q + 0.3), between(q + 0.3))
+
+
+def test_gains_of_a_motor_are_by_angle() -> None:
+    """Pressure gains are speeds by pressure: of pistons in m/s/bar, of a swing motor in rad/s/bar.
+
+    The schedule reads each column back as the controller's gain of that actuator.
+    """
+    machine = machines.named("slewing")
+    assert [one.name for one in machine.actuators] == ["boom", "stick", "bucket", "swing"]
+    q = (0.4, 0.6, -1.2, -0.8)
+    bandwidths = ad.bandwidth_map(machine, single_pose(machine, q), damping=0.02)
+    columns = [
+        *(f"{name}_pressure_gain_m_per_s_bar" for name in ("boom", "stick", "bucket")),
+        "swing_pressure_gain_rad_per_s_bar",
+    ]
+    for table, scheme in ((bandwidths.schedule, ""), (bandwidths.gains, "own_")):
+        found = [name for name in table.columns if name.startswith(scheme) and "_bar" in name]
+        assert found == [scheme + name for name in columns]
+    case = bandwidths.schedule["payload"].iloc[0]
+    controller = ad.gain_schedule(bandwidths, case)(q)
+    stated = bandwidths.schedule.loc[bandwidths.schedule["payload"] == case, columns]
+    assert controller.pressure[0, 3] > 0
+    np.testing.assert_array_equal(controller.pressure, stated.to_numpy())

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -252,6 +253,18 @@ def test_faults_of_load_cases(excavator: Machine) -> None:
         with pytest.raises(ad.ArmDesignError, match=problem) as caught:
             simulate(excavator, level, {}, payload=payload, duration=1.0)
         assert "\n" not in str(caught.value)
+
+
+def test_numbers_that_no_run_has(excavator: Machine) -> None:
+    """Each is refused in its own unit: a loop's corner in Hz."""
+    for wrong, problem in (
+        ({"hold": -3.0}, "hold: -3 Hz is not allowed; give a positive number"),
+        ({"duration": 0.0}, "duration: 0 s is not allowed"),
+        ({"rate": math.inf}, "rate: inf per second is not allowed"),
+    ):
+        given: dict[str, Any] = {"duration": 1.0} | wrong
+        with pytest.raises(ad.ArmDesignError, match=f"excavator_20t: {problem}"):
+            simulate(excavator, WORST, {}, **given)
 
 
 def test_a_load_that_would_fall_out_is_an_event(excavator: Machine) -> None:

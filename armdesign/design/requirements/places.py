@@ -192,7 +192,8 @@ def _clearance_names(clear: Clearance, machine: Machine) -> Names:
 
 
 def _check(part: Outline | Clearance) -> None:
-    where = f"requirements: outline on {part.link}"
+    key = f"outline.{part.link}" if isinstance(part, Outline) else f"clearance.{part.name}"
+    where = f"requirements.{key}"
     if len(part.points) < 3:
         raise ArmDesignError(where, f"has {len(part.points)} points", "give at least 3")
     if crosses_itself(part.points):

@@ -17,7 +17,7 @@ from armdesign.hydraulics.cylinder_build import (
     STEEL_MODULUS,
     barrel_outer,
     estimated_mass,
-    euler_load,
+    euler_safety,
     second_moment,
     stepped_load,
 )
@@ -150,12 +150,12 @@ def _buckling_safety(new: Candidate, i: int, column: str) -> Array:
     bore, rod = diameters(new, i)
     cylinder, supply = new.machine.cylinders[i], new.machine.supply
     length = new.closed[:, i] + new.stroke[:, i]
-    force = cylinder.available_pressure(supply) * math.pi / 4 * bore**2
+    pressure = cylinder.available_pressure(supply)
     if column == "rod":
-        return np.asarray(euler_load(second_moment(rod), length) / force)
-    outer = barrel_outer(bore, cylinder.barrel_wall, supply.pressure)
-    barrel = second_moment(outer, bore)
-    return np.asarray(stepped_load(barrel, second_moment(rod), length / 2, length / 2) / force)
+        return np.asarray(euler_safety(bore, rod, length, pressure))
+    thrust = pressure * math.pi / 4 * bore**2
+    barrel = second_moment(barrel_outer(bore, cylinder.barrel_wall, supply.pressure), bore)
+    return np.asarray(stepped_load(barrel, second_moment(rod), length / 2, length / 2) / thrust)
 
 
 def rod_area_factor(cylinder_count: int, pressure: float, safety: float) -> float:

@@ -28,7 +28,8 @@ COLUMNS = frozenset(
 FAMILIES = re.compile(r"f\d+_hz|(?:proportional|individual|damped|own)_.+")
 OF_ACTUATOR = (
     *("locked_{}_hz", "rigid_{}_hz", "{}_force_n", "{}_torque_n_m", "{}_extension"),
-    *("{}_pressure_gain_m_per_s_bar", "{}_load_bar", "{}_calibrated_load_bar"),
+    *("{}_pressure_gain_m_per_s_bar", "{}_pressure_gain_rad_per_s_bar"),
+    *("{}_load_bar", "{}_calibrated_load_bar"),
 )
 OF_JOINT = "{}_mean", "{}_span", "{}_gain_per_s", "{}_gain_without_feedback_per_s"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -104,8 +105,10 @@ def _turn_back(angle: np.ndarray, x: np.ndarray, z: np.ndarray) -> tuple[np.ndar
 
 def test_an_outline_whose_edges_cross_is_refused() -> None:
     bow = ((-0.5, -0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, 0.5))
-    with pytest.raises(ad.ArmDesignError, match="outline on boom: its edges cross; give its corn"):
+    with pytest.raises(ad.ArmDesignError, match=r"outline\.boom: its edges cross; give its corn"):
         ad.Requirements(outlines=(Outline(link="boom", points=bow, pin_radius=0.0),))
+    with pytest.raises(ad.ArmDesignError, match=r"^requirements\.clearance\.plate: its edges cro"):
+        ad.Requirements(clearances=(replace(EVERYTHING["clearances"][0], points=bow),))
     machine, bow = ad.load("excavator_20t"), [[-500, -500], [500, 500], [500, -500], [-500, 500]]
     with pytest.raises(ad.ArmDesignError, match=r"outline\.stick\.points_mm: its edges cross"):
         machine.replace({"requirements.outline.stick.points_mm": bow})
