@@ -40,7 +40,7 @@ def run() -> tuple[pd.DataFrame, ad.Simulation]:
             "time_s": (begin + end) / 2,
             "frequency_hz": 1 / (end - begin),
             "swing_bar": np.ptp(frame["boom_cap_bar"][(time >= begin) & (time <= end)]) / 2,
-            "rod_bar": frame["boom_annulus_bar"][(time >= begin) & (time <= end)].max(),
+            "annulus_bar": frame["boom_annulus_bar"][(time >= begin) & (time <= end)].max(),
         }
         for begin, end in pairwise(at)
     ]

@@ -169,7 +169,7 @@ def test_large_swings_finds_its_headline() -> None:
     decayed = module.MEASURED_LAST
     assert measured == pytest.approx([low / decayed, high / decayed], abs=0.01)
     assert table["swing_bar"].is_monotonic_decreasing
-    assert table["rod_bar"].max() < 3  # empty: as measured, at most 3 bar
+    assert table["annulus_bar"].max() < 3  # empty: as measured, at most 3 bar
 
 
 @pytest.mark.slow

@@ -230,7 +230,7 @@ def bandwidth_map(
 
 def default_points(machine: Machine) -> int:
     """Values per joint of a grid of about 500 poses."""
-    moving = max(len(machine.joints) - len(machine.idle_joints), 1)
+    moving = max(len(machine.joints) - len(machine.joints_without_effect), 1)
     return max(2, round(500 ** (1 / moving)))
 
 

@@ -28,7 +28,7 @@ BESIDE = 0.05  # share by which a crossing may lie beside: what grows as creep d
 
 
 def critical_factor(plant: LoopPlant, controller: Controller) -> Array:
-    """Factor on all position gains at which each loop becomes unstable (n,).
+    """Factor on all position gains at which the loops of each pose become unstable (n,).
 
     At most ``MOST_CRITICAL``; 0 where the gains are 0.
     """

@@ -102,6 +102,7 @@ def least(
 
     Raises:
         InfeasibleError: no amount is enough, because other requirements limit the frequency.
+        ArmDesignError: ``of`` names no amount, or ``frequency`` is not above 0.
 
     Example:
         >>> import armdesign as ad

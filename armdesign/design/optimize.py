@@ -232,10 +232,18 @@ def size_cylinders(
     of its sizes, and the combination is the best of all; ``bound`` equals ``unrounded`` where that
     is proved, and lies above it by the gap that is left where the combinations are too many.
 
-    ``bands`` and ``objective`` count as in ``optimize``, for the bound too.
+    Args:
+        machine: today's machine.
+        workspace: poses that count; default grid if None.
+        requirements: limits; None: the machine's file states them.
+        dead_volume: "fixed", or "proportional" to the areas.
+        bands: what is not known exactly, as in ``optimize``; for the bound too.
+        objective: as in ``optimize``; for the bound too.
+        catalogue: sizes, as in ``optimize``.
 
     Raises:
         InfeasibleError: no sizes meet the requirements.
+        ArmDesignError: ``dead_volume``, ``objective`` or ``catalogue`` is none that can be.
 
     Example:
         >>> import armdesign as ad

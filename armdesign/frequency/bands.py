@@ -5,13 +5,13 @@ Its c is stated as a share of today's oil's own compliance at mid stroke, 0 rigi
 the oil. A new cylinder leaves c in m/N as it was: the structure around it is today's.
 
 Without air K − λM is affine in bulk modulus, payload and link masses, so the lowest λ of a pose is
-quasi-concave in them and least at a corner of the bands (THEORY §6). Softer oil, more air, more
-dead volume and softer structure lower the stiffness and nothing else, but for the few mm by which
-a structure that gives way lets the piston stand elsewhere, so for them the corner is known; masses
-add inertia but also static load, and both of their ends are tried. With air the static pressure
-stiffens the oil, at first more and more with the load, so that λ need not be quasi-concave in the
-masses, and values between their ends are tried too: a sample, no proof. Designs are made for their
-ends, and for those between that turn out lower.
+quasi-concave in them and least at a corner of the bands (docs/theory.md, masses within bands).
+Softer oil, more air, more dead volume and softer structure lower the stiffness and nothing else,
+but for the few mm by which a structure that gives way lets the piston stand elsewhere, so for them
+the corner is known; masses add inertia but also static load, and both of their ends are tried.
+With air the static pressure stiffens the oil, at first more and more with the load, so that λ need
+not be quasi-concave in the masses, and values between their ends are tried too: a sample, no
+proof. Designs are made for their ends, and for those between that turn out lower.
 
 The gain of one machine over another has no such law: it may be least where some bands are soft and
 others stiff, or amid them. So the ends of up to ``FEW`` bands are combined in all ways; of more,

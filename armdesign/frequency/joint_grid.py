@@ -27,7 +27,7 @@ def joint_axes(machine: Machine, points: int | Sequence[int] | None, end_margin:
     Args:
         machine: today's machine.
         points: number of values per joint, one for all or one each (≥ 2); None: about ``POSES``
-            poses, the last joint finest, of an idle joint only middle and end.
+            poses, the last joint finest, of one without effect only middle and end.
         end_margin: share of the stroke.
 
     Raises:
@@ -35,7 +35,7 @@ def joint_axes(machine: Machine, points: int | Sequence[int] | None, end_margin:
     """
     ranges = machine.range_within(end_margin).copy()
     if points is None:
-        for j in machine.idle_joints:
+        for j in machine.joints_without_effect:
             ranges[j, 0] = ranges[j].mean()
     counts = default_counts(machine) if points is None else _checked_counts(machine, points)
     return tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
@@ -81,7 +81,7 @@ def _step(axis: Array) -> float:
 
 def default_counts(machine: Machine) -> list[int]:
     """Number of values per joint of the default grid."""
-    nq, idle = len(machine.joints), machine.idle_joints
+    nq, idle = len(machine.joints), machine.joints_without_effect
     base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(idle), 1))), 240), 5)
     return [2 if j in idle else base for j in range(nq - 1)] + [3 * base // 2]
 

@@ -147,7 +147,7 @@ def _faces(ranges: Array, fixed: Collection[int], values: int) -> Iterator[Array
 def joints_without_effect(machine: Machine) -> set[int]:
     """Joints that change neither frequency nor reach: idle ones about the root's z axis."""
     feet = machine.arm.zero.translation[0, :, :2]
-    return {j for j in machine.idle_joints if np.hypot(*feet[j]) < 1e-9}
+    return {j for j in machine.joints_without_effect if np.hypot(*feet[j]) < 1e-9}
 
 
 def _faces_alike(joints: int, inner: int) -> int:

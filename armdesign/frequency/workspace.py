@@ -79,8 +79,8 @@ class Workspace(ReadOnly):
         Args:
             machine: today's machine.
             points: number of values per joint, one for all or one each (≥ 2); default about 20 000
-                poses, the last joint finest; of an idle joint (slewing that no cylinder spans)
-                only middle and end.
+                poses, the last joint finest; of one without effect (slewing that no cylinder
+                spans) only middle and end.
             end_margin: share of the stroke, 0 ≤ … < 0.5; default: the machine's requirement.
 
         Raises:

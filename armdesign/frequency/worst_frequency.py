@@ -228,7 +228,7 @@ def _starts(case: CasePoses, frequency: Array) -> tuple[Array, Array]:
     """
     some, span = lowest_rows(frequency), np.ptp(case.workspace.ranges, axis=1)
     q = case.workspace.q[np.flatnonzero(case.exists)[some]]
-    at = np.delete(q / span, list(case.machine.idle_joints), axis=1)
+    at = np.delete(q / span, list(case.machine.joints_without_effect), axis=1)
     left, chosen = np.arange(len(some)), list[int]()
     while len(left) > 0 and len(chosen) < STARTS:
         chosen.append(int(left[0]))

@@ -14,7 +14,7 @@ ADIABATIC = 1.4  # polytropic exponent of air that is squeezed too fast to excha
 
 @dataclass(frozen=True, kw_only=True)
 class Fluid:
-    """Oil: bulk modulus without air [Pa], entrained air, density [kg/m³].
+    """Oil: bulk modulus without air [Pa], entrained air, density [kg/m³], told and not used.
 
     The air is given by its volume at atmospheric pressure over the volume of the oil.
     """

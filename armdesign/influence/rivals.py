@@ -164,7 +164,7 @@ def lowest_anywhere(family: Family, workspace: Workspace) -> Array:
     most = np.where(kinks, np.inf, FAR * least)
     lowest = np.full(family.count, np.nan)
     for ends, q, values in looks:
-        shares = np.delete(q / _spans(workspace), list(machine.idle_joints), axis=1)
+        shares = np.delete(q / _spans(workspace), list(machine.joints_without_effect), axis=1)
         each = zip(values, most, strict=True)
         starts = [_starts(shares, value, top)[:STARTS] for value, top in each]
         members = np.repeat(np.arange(family.count), [len(rows) for rows in starts])
@@ -220,7 +220,7 @@ def _apart(
 def _near(workspace: Workspace, q: Array, others: Array) -> Flags:
     """Whether a pose (nq,) and others (n, nq) are one (n,)."""
     machine = workspace.machine
-    idle, turns = list(machine.idle_joints), 2 * np.pi * endless(machine)
+    idle, turns = list(machine.joints_without_effect), 2 * np.pi * endless(machine)
     by = np.abs(q - np.reshape(others, (-1, len(q))))
     away = np.minimum(by, np.abs(turns - by)) / np.ptp(workspace.ranges, axis=1)
     return np.asarray(np.delete(away, idle, axis=1).max(axis=1, initial=0.0) <= APART)

@@ -40,7 +40,7 @@ def at_worst_turn(machine: Machine, rival: Rival) -> tuple[float, Array]:
         return np.nan_to_num(values, nan=np.inf)
 
     at, lowest = rival.pose.q, float(frequencies(rival.pose.q[None])[0])
-    for joint in sorted(machine.idle_joints - changed.idle_joints):
+    for joint in sorted(machine.joints_without_effect - changed.joints_without_effect):
         value, q = _lowest(frequencies, at, joint, machine.ranges[joint])
         if value < lowest:
             at, lowest = q, value

@@ -67,9 +67,9 @@ class WhatIf:
         before: the map of the machine.
         after: the map of the changed machine over its own workspace.
         frame: a row for each quantity: name, SI unit, value before, linear estimate (NaN where the
-            change is no number, of what jumps and of positions of idle joints; below zero where it
-            is too large), value after, and relative change by both (NaN of joint positions, whose
-            zero means nothing).
+            change is no number, of what jumps and of positions of joints without effect; below
+            zero where it is too large), value after, and relative change by both (NaN of joint
+            positions, whose zero means nothing).
         missing: why there are no bandwidths; empty where there are, or none are asked for.
         damping: ratio of all modes on which bandwidths rest; None: what the file gives.
     """
@@ -130,7 +130,7 @@ class WhatIf:
     def _unchanged(self, table: pd.DataFrame) -> Flags:
         """Which quantities are as before, joint positions to ``UNCHANGED`` [rad, m].
 
-        Positions of idle joints mean nothing: every other is as low.
+        Positions of joints without effect mean nothing: every other is as low.
         """
         positions = [is_position(name) for name in table.index]
         moved = np.where(positions, table["after"] - table["before"], table["change"])
@@ -398,7 +398,9 @@ def _estimate(name: str, value: float, after: float, before: float) -> float:
 def _is_idle(name: str, machine: Machine) -> bool:
     """Whether a quantity is the position of a joint that changes no frequency."""
     joint = name.rpartition(f"{WORST_POSE}.")[2]
-    return is_position(name) and any(joint == machine.joints[j] for j in machine.idle_joints)
+    return is_position(name) and any(
+        joint == machine.joints[j] for j in machine.joints_without_effect
+    )
 
 
 def _evenly(

@@ -197,7 +197,7 @@ class Machine:
 
         A mass sits where the case at work has its own, else the first that has one, as the file
         has it then, and is held in its pitch range, 0 kg at any. Maps and designs count it beside
-        the file's, which stays; ``save`` does not write it.
+        the file's, which stays; ``save`` does not write it. ArmDesignError: no such name or mass.
         """
         if isinstance(payload, str):
             return replace(self, payload=case_named(payload, self.payloads, self.name))
@@ -333,7 +333,7 @@ class Machine:
             return self.arm.limits
 
     def range_within(self, end_margin: float) -> Array:
-        """Joint ranges (nq, 2) that leave a share of every stroke free at both ends."""
+        """Joint ranges (nq, 2) that leave a share of every stroke free; MachineFileError: none."""
         source = self.source.name
         with lines_of(self.text, source):
             return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, source)
@@ -344,7 +344,7 @@ class Machine:
         return heading_of(self)
 
     @cached_property
-    def idle_joints(self) -> frozenset[int]:
+    def joints_without_effect(self) -> frozenset[int]:
         """Joints whose position changes no frequency."""
         return self.arm.without_effect({j for k in self.linkages for j in k.joints})
 
@@ -381,7 +381,7 @@ class Machine:
         """Everything at q (n, nq) [rad, m], or one pose (nq,), under the load case at work.
 
         Raises:
-            PoseError: a pose out of stroke, at which a four-bar does not close, or singular.
+            PoseError: no such array; out of stroke, open four-bar, singular, too soft springs.
 
         Example:
             >>> import armdesign as ad

@@ -67,7 +67,8 @@ class Poses(ReadOnly):
         moment_arm_derivatives: H = ∂²ℓ/∂q² (n, nc, k, k).
         extensions: share of the stroke that is out (n, nc), 0…1; 0 for a motor.
         cylinder_forces: static force of each actuator (n, nc) [N, + pushes].
-        oil_stiffness: k_h of each actuator with its valve closed (n, nc) [N/m].
+        oil_stiffness: k of each actuator with its valve closed, of oil and a compliance in series
+            with it, 1/k = 1/k_h + c (n, nc) [N/m; of a motor N m/rad].
         spring_stiffness: κ of each spring (n, ns) [N m/rad, N/m].
         tool: position of the tool in the root link (n, 3) [m].
     """
@@ -91,8 +92,10 @@ class Poses(ReadOnly):
     def __len__(self) -> int:
         return len(self.q)
 
-    def __getitem__(self, rows: slice | Array) -> Poses:
-        """The poses that ``rows`` selects (slice, mask or indices)."""
+    def __getitem__(self, rows: int | slice | Array) -> Poses:
+        """The poses that ``rows`` selects (index, slice, mask or indices); axis 0 stays."""
+        if isinstance(rows, int | np.integer):
+            rows = np.arange(len(self))[rows][None]
         names = [name for name in self.__dataclass_fields__ if name != "machine"]
         chosen = {name: getattr(self, name)[rows] for name in names}
         return Poses(machine=self.machine, **chosen)

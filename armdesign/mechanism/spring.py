@@ -6,8 +6,9 @@ torque
     τ = τ₀ − κ (z − z₀) − d ż,   τ₀ = g_z(q, z₀)
 
 It stands at z₀ whatever the pose and the load at rest: the preload τ₀ is what gravity needs there.
-So K gains κ on the diagonal beside ∂g/∂(q, z) (THEORY §8), and static forces of actuators are
-as in a rigid machine. Static condensation would be wrong where what yields has inertia.
+So K gains κ on the diagonal beside ∂g/∂(q, z) (docs/theory.md, structure that yields), and static
+forces of actuators are as in a rigid machine. Static condensation would be wrong where what yields
+has inertia.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def spool_plan(
     """Spools for joint positions, speeds and accelerations (n, nq) of a plan; None: steady."""
     poses, plant = machine.evaluate(machine.rigid_poses(q)), Plant(settled(machine, q[0]))
     speeds = np.einsum("ncj,nj->nc", poses.moment_arms[..., : len(machine.joints)], velocity)
-    flow, moves = pump_flow(machine, speeds), np.abs(speeds) > SLOW
+    flow, moves = flow_taken(machine, speeds), np.abs(speeds) > SLOW
     steady = steady_motion(plant, poses, speeds)
     widest = steady.spool
     if acceleration is not None:
@@ -72,7 +72,7 @@ def steady_motion(
     """
     machine, moves = plant.machine, np.abs(speeds) > SLOW
     pump = machine.supply
-    used = np.minimum(pump_flow(machine, speeds) / pump.flow, 1.0)
+    used = np.minimum(flow_taken(machine, speeds) / pump.flow, 1.0)
     line = pump.pressure * (1 - used * (pump.cut_off if pump.flow_limited else 0.0))
     rubs = [
         actuator.count * friction_force(actuator.friction, speeds[:, i])
@@ -87,6 +87,6 @@ def steady_motion(
     return at_speed(actuators, system, load, np.where(moves, speeds, 0.0))
 
 
-def pump_flow(machine: Machine, speeds: Array) -> Array:
+def flow_taken(machine: Machine, speeds: Array) -> Array:
     """Flow (n,) [m³/s] that pistons take from the supply at speeds (n, nc) [m/s]."""
     return np.asarray((inflow_areas(machine, speeds) * np.abs(speeds)).sum(axis=1))

@@ -137,7 +137,7 @@ class Move(ReadOnly):
 
     @property
     def residuals(self) -> pd.DataFrame:
-        """One row per run: payload, shaper, end of commands, residual, settling, miss."""
+        """One row per run: payload, shaper, end of commands, residual, settling, drift, miss."""
         import pandas as pd
 
         rows = []

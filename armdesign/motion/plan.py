@@ -55,7 +55,7 @@ class MoveOptions(TypedDict, total=False):
     duration: float | None
     share: float | None
     spread: float
-    settled: float
+    tolerance: float
 
 
 USUAL_MOVE: MoveOptions = {
@@ -65,7 +65,7 @@ USUAL_MOVE: MoveOptions = {
     "duration": None,
     "share": None,
     "spread": 0.2,
-    "settled": 5 * mm,
+    "tolerance": 5 * mm,
 }
 
 
@@ -100,7 +100,7 @@ def plan_move(
             or less where chambers that run empty and fill again on the way leave more than 5 % of
             the unshaped (``Move.jolts``), which no shaper foresees.
         spread: payloads this share lighter and heavier are tried, too; 0: none.
-        settled: distance within which the tool has settled [m].
+        tolerance: distance within which the tool has settled [m].
 
     Raises:
         ArmDesignError: an option out of its range, or a move faster than pump, valves and
@@ -115,7 +115,7 @@ def plan_move(
         >>> move.shaped.residual < 0.05 * move.unshaped.residual
         True
     """
-    duration, share, settled = options["duration"], options["share"], options["settled"]
+    duration, share, tolerance = options["duration"], options["share"], options["tolerance"]
     shares = SHARES[: None if duration is None else 1] if share is None else (share,)
     _refuse_options(machine, shares[0], options)
     model = machine if payload is None else machine.with_payload(payload)
@@ -138,7 +138,7 @@ def plan_move(
             _refuse_shorter(model, fastest, duration, share)
         way = way._replace(legs=_lasting(fastest, duration))
         move = _move(way, poses, shaper, paces, share, _duration(fastest))
-        return replace(move, tolerance=settled, runs=_runs(move, masses, settled))
+        return replace(move, tolerance=tolerance, runs=_runs(move, masses, tolerance))
 
     return _calmest(planned, shares)
 
@@ -156,7 +156,7 @@ def _calmest(planned: Callable[[float], Move], shares: Sequence[float]) -> Move:
 
 def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> None:
     """Refuse a share and options out of their range, with the nearest value that works."""
-    spread, settled, modes = options["spread"], options["settled"], options["modes"]
+    spread, near, modes = options["spread"], options["tolerance"], options["modes"]
     damping = 0.0 if options["damping"] is None else options["damping"]
     duration = math.inf if options["duration"] is None else options["duration"]
     near_share, near_spread = (1 if share > 1 else 0.01), (0.9 if spread >= 1 else 0)
@@ -170,7 +170,7 @@ def _refuse_options(machine: Machine, share: float, options: MoveOptions) -> Non
         ),
         ("spread", spread, 0 <= spread < 1, "[0, 1)", f"{near_spread}, as --spread {near_spread}"),
         ("damping", damping, 0 <= damping < 1, "[0, 1)", "0.02, as --damping 0.02"),
-        ("settled", settled, 0 < settled < math.inf, "(0, inf) m", "a distance, as settled=0.005"),
+        ("tolerance", near, 0 < near < math.inf, "(0, inf) m", "a distance, as tolerance=0.005"),
         ("duration", duration, duration > 0, "(0, inf) s", "a time, as --duration 5"),
     ):
         if not inside:
@@ -247,7 +247,7 @@ def _move(
     )
 
 
-def _runs(move: Move, masses: Sequence[float], settled: float) -> tuple[MoveRun, ...]:
+def _runs(move: Move, masses: Sequence[float], tolerance: float) -> tuple[MoveRun, ...]:
     """Nonlinear runs without and with shaper under every mass of the payload."""
     lowest = float(move.frequencies[0])
     after = ring_time(move.machine, lowest)
@@ -258,6 +258,6 @@ def _runs(move: Move, masses: Sequence[float], settled: float) -> tuple[MoveRun,
         for command, end in pairs
     ]
     return tuple(
-        move_run(run, bool(k % 2), pairs[k % 2][1], lowest, settled, move.poses[-1])
+        move_run(run, bool(k % 2), pairs[k % 2][1], lowest, tolerance, move.poses[-1])
         for k, run in enumerate(simulate_all(cases, tolerance=TOLERANCE))
     )

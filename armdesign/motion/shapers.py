@@ -51,6 +51,7 @@ class Shaper(ReadOnly):
         low: lowest frequency that it is made for [Hz].
         high: highest frequency that it is made for [Hz].
         damping: ratio that it is made for, of several modes the least.
+        parts: shapers of single modes of which it is made; none where it is one.
     """
 
     __repr__ = short_repr

@@ -1,4 +1,4 @@
-"""The paper's errata (THEORY section 5), what each does to the frequency, and ``scan``."""
+"""The paper's errata (docs/errata.md), what each does to the frequency, and ``scan``."""
 
 from __future__ import annotations
 

@@ -197,7 +197,9 @@ def joint_plane(mapped: FrequencyMap | BandwidthMap, values: Array) -> tuple[Arr
 
 def drawn_joints(machine: Machine) -> list[int]:
     """Indices of the joints that a picture shows: the first one or two that do not slew."""
-    return [j for j in range(len(machine.joints)) if j not in machine.idle_joints][:2] or [0]
+    return [j for j in range(len(machine.joints)) if j not in machine.joints_without_effect][
+        :2
+    ] or [0]
 
 
 def _labelled_plane(

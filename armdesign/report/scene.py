@@ -214,7 +214,7 @@ def _of_bandwidths(bandwidths: BandwidthMap) -> _Mapped:
 def _scene(maps: Mapping[str, _Mapped], quantity: str, units: Units) -> MapScene:
     first = next(iter(maps.values()))
     joints = first.machine.arm.joints
-    moving = [j for j in range(len(joints)) if j not in first.machine.idle_joints] or [0]
+    moving = [j for j in range(len(joints)) if j not in first.machine.joints_without_effect] or [0]
     pairs = list(combinations(moving, min(len(moving), 2)))[:PLANES]
     share = CELLS / (len(pairs) * len(first.machine.payloads) * len(maps))
     finest = max(int(share ** (1 / len(pairs[0]))), 2)

@@ -72,7 +72,7 @@ def test_matrices_are_balanced_alike_alone_and_with_others() -> None:
 
 
 def test_6_db_and_45_deg_need_0_828() -> None:
-    """THEORY section 10: 6 dB needs 2/3, 45 deg need 0.828."""
+    """2 (g − 1)/(g + 1) and 2 tan(φ/2): 6 dB needs 2/3, 45 deg need 0.828."""
     assert disk_margin_for(6, 1e-3) == pytest.approx(2 / 3, abs=3e-3)
     assert disk_margin_for(6, 45 * deg) == pytest.approx(2 * math.tan(math.pi / 8))
     assert disk_margin_for(6, 45 * deg) == pytest.approx(0.828, abs=5e-4)

@@ -79,9 +79,9 @@ def test_slewing_is_idle_only_where_nothing_depends_on_it() -> None:
 
     Of the second the inertia about the first says so: it depends on the second's angle.
     """
-    assert machines.named("slewing").idle_joints == {0}
-    assert swinging(1).idle_joints == frozenset()
-    assert swinging(1, motor=True).idle_joints == {0}
+    assert machines.named("slewing").joints_without_effect == {0}
+    assert swinging(1).joints_without_effect == frozenset()
+    assert swinging(1, motor=True).joints_without_effect == {0}
     joints = [
         machines.Joint(name, "root" if k == 0 else "a", axis=(0, 0, 1))
         for k, name in enumerate("ab")
@@ -99,6 +99,6 @@ def test_slewing_is_idle_only_where_nothing_depends_on_it() -> None:
         ]
         lift = machines.CylinderSpec("lift", ("b", (0.5, 0, -0.2)), ("boom", (1.1, 0, 0.3)))
         machine = machines.build(pair, [lift], more=tables)
-        assert machine.idle_joints == idle
+        assert machine.joints_without_effect == idle
         mass = machine.at([[0, 0, 0], [0, 0.3, 0]]).mass_matrix[:, 0, 0]
         assert (abs(mass[1] / mass[0] - 1) < 1e-12) == (offset == 0)

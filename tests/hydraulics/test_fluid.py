@@ -25,7 +25,7 @@ from armdesign.units import MPa, bar
     ],
 )
 def test_bulk_modulus_with_air(pressure_bar: float, air_percent: float, published: float) -> None:
-    """THEORY, section 7: E = 1.6 GPa, n = 1.4, gauge pressure; the mixture law of Simscape's
+    """E = 1.6 GPa, n = 1.4, gauge pressure; the mixture law of Simscape's
     hydraulic fluid [GPa].
     """
     assert_allclose(

@@ -298,7 +298,7 @@ def test_all_that_can_limit_has_its_row_though_nothing_changes() -> None:
 def test_positions_of_joints_that_change_no_frequency_are_no_change() -> None:
     """The worst pose has any slew: each map finds another."""
     machine = machines.named("slewing")
-    assert machine.idle_joints == {machine.joints.index("swing")}
+    assert machine.joints_without_effect == {machine.joints.index("swing")}
     answer = ad.what_if(machine, {"cylinder.boom.bore_mm": 130.0}, 3)
     frame = answer.frame.set_index("quantity")
     swings = [name for name in frame.index if name.endswith(".worst.swing")]

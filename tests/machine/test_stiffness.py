@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 import armdesign as ad
@@ -67,3 +68,15 @@ def test_stiffness_is_the_derivative_of_the_torque_on_trapped_oil(machine: ad.Ma
         torque(q), 0, atol=1e-9 * np.abs(gravity).max(), err_msg="equilibrium: g = Rᵀ F"
     )
     assert_same(machine.at(q).stiffness_matrix, -difference(torque, q), 1e-8)
+
+
+def test_poses_are_selected_by_index_slice_and_mask() -> None:
+    """Axis 0 stays; an index beyond is told as of an array."""
+    machine = ad.load("paper_1dof")
+    poses = machine.at([[-0.3], [0.1], [0.2]])
+    for rows, q in ((0, [-0.3]), (-1, [0.2]), (np.int64(1), [0.1]), (slice(1, None), [0.1, 0.2])):
+        few = poses[rows]
+        assert few.q[:, 0].tolist() == q
+        assert few.mass_matrix.shape == (len(q), 1, 1)
+    with pytest.raises(IndexError, match="index 3 is out of bounds"):
+        poses[3]

@@ -178,7 +178,7 @@ def test_what_is_left_is_counted_about_the_drift(damping: float) -> None:
         ({"share": 1.5}, r"move: share: 1.5 is not in \[0.01, 1\]; give 1, as --share 1"),
         ({"share": 0.005}, r"share: 0.005 is not in \[0.01, 1\]; give 0.01, as --share 0.01"),
         ({"spread": -0.1}, r"spread: -0.1 is not in \[0, 1\); give 0, as --spread 0"),
-        ({"settled": 0.0}, r"move: settled: 0 is not in \(0, inf\) m; give"),
+        ({"tolerance": 0.0}, r"move: tolerance: 0 is not in \(0, inf\) m; give"),
         ({"modes": 0}, "move: modes: 0 is not allowed: the machine has 1; give 1"),
         ({"modes": 2}, "move: modes: 2 is not allowed: the machine has 1; give 1"),
         ({"damping": 1.2}, r"move: damping: 1.2 is not in \[0, 1\)"),

@@ -35,7 +35,7 @@ from tests.paper.dimensions import (
 
 
 def test_errata_by_hand(one: Mechanism) -> None:
-    """200 kg at 1 m: each misprint put into the right formula alone; THEORY, section 5, lists
+    """200 kg at 1 m: each misprint put into the right formula alone; docs/errata.md lists
     them.
     """
     oil, weight = BOTH * ARM**2, MASS * G

@@ -1,7 +1,7 @@
 """The source paper's equations: as printed, put right, and as the general machine answers.
 
 Pencelli et al., "On the Estimation of Resonance Frequencies of Hydraulically Actuated Systems",
-ISARC 2019. Each of its misprints (THEORY, section 5) has its test here. Expected numbers come from
+ISARC 2019. Each of its misprints (docs/errata.md) has its test here. Expected numbers come from
 the nonlinear model of the mechanism, differentiated (independent method), from limiting cases, or
 from the published example that is named.
 """

@@ -40,8 +40,7 @@ def test_natural_frequencies_are_those_of_the_modes(machine: Machine) -> None:
 
 
 def test_leakage_damps_as_merritt_says() -> None:
-    """Symmetric cylinder at mid-stroke: ζ = (C_L/A) √(β M/V_t), M = J/r² (Merritt 1967, ch. 6;
-    THEORY §7).
+    """Symmetric cylinder at mid-stroke: ζ = (C_L/A) √(β M/V_t), M = J/r² (Merritt 1967, ch. 6).
 
     The rod is thinned to 1 mm. Left over: gravity's stiffness (5e-4 of the oil's), A1 − A2 and
     order ζ².

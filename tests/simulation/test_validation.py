@@ -333,7 +333,7 @@ def test_the_default_amplitude_lets_the_mean_stand_where_it_agrees() -> None:
 
 def test_paper_machine() -> None:
     run = validate(ad.load("paper_1dof"), [0.0]).runs[0]
-    # THEORY §5, eigenvalue of the exact formula
+    # eigenvalue of the exact formula
     assert run.linear_frequency == pytest.approx(10.7676, abs=1e-4)
     assert abs(run.deviation) < 1e-3
 

@@ -23,7 +23,7 @@ from armdesign.design.bound.drawn_lengths import DrawnLengths, largest
 from armdesign.design.bound.intervals import Interval
 from armdesign.design.bound.mass_enclosure import BarEnclosure
 from armdesign.design.bound.shape_of_pins import shape_of
-from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, buckling_factor
+from armdesign.design.program.constraints import CONSTRAINT_TOLERANCE, least_rod_area_factor
 from armdesign.design.program.problem import Problem
 from armdesign.machine.file.schema import share_of
 
@@ -405,7 +405,7 @@ def cylinder_constraints(
         dead_length=cylinder.dead_length - CONSTRAINT_TOLERANCE * cylinder.stroke,
         arm=share_of(r.moment_arm_share, cylinder.name) * float(arms.min()) / more,
         ranged=2 + len(ranged),
-        buckling=buckling_factor(problem, i) / more**2,
+        buckling=least_rod_area_factor(problem, i) / more**2,
         torque=torque * (1 - PEAK) / more,
         end_torque=end_torque / more,
         loads=replace(loads, held=loads.held / more),

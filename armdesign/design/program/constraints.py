@@ -125,7 +125,7 @@ def holding_rows(problem: Problem, x: Array, forces: Array | None = None) -> Arr
     return np.unique(np.concatenate(chosen))
 
 
-def buckling_factor(problem: Problem, i: int) -> float:
+def least_rod_area_factor(problem: Problem, i: int) -> float:
     """The c in rod area ≥ L √(c A1) that keeps the required share of today's Euler safety."""
     cylinder = problem.machine.cylinders[i]
     pressure = cylinder.available_pressure(problem.machine.supply)
@@ -174,7 +174,7 @@ def convex_relaxation(problem: Problem) -> tuple[Constraints, Array, Array] | No
 def _buckling_chord(problem: Problem, i: int, low: float, high: float) -> tuple[float, Array]:
     """Constant and slopes by x of (A1 − A2 − L·chord(√(c A1)))/A1 today, for A1 in [low, high]."""
     cylinder, today = problem.machine.cylinders[i], problem.vector.areas_today[i, 0]
-    factor = cylinder.open_length * math.sqrt(buckling_factor(problem, i) / today)
+    factor = cylinder.open_length * math.sqrt(least_rod_area_factor(problem, i) / today)
     slope = (
         (math.sqrt(high) - math.sqrt(low)) / (high - low) if high > low else 0.5 / math.sqrt(low)
     )

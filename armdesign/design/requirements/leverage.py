@@ -41,11 +41,12 @@ class MomentArms:
     """Settings: moment arms, transmission angles, digging torque.
 
     Attributes:
-        moment_arm_share: smallest moment arm over the joint range, at least.
+        moment_arm_share: smallest moment arm over the joint range, over today's, at least.
         transmission: angle between rocker and coupler [rad], at least; or today's smallest, if
             that is lower.
         digging: names of the cylinders whose digging force counts, extending.
-        digging_share: their digging torque, at least; without effect up to ``torque_share``.
+        digging_share: their digging torque over today's, at least; without effect up to
+            ``torque_share``.
     """
 
     moment_arm_share: float | Mapping[str, float] = shares("moment_arm_share")

@@ -16,8 +16,9 @@ class Oil:
     """Settings: swept volumes.
 
     Attributes:
-        oil_total_share: swept volume of all cylinders, bore sides and annulus sides, at most.
-        oil_each_share: swept volume of each cylinder and side, at most.
+        oil_total_share: swept volume of all cylinders, bore sides and annulus sides, over
+            today's, at most.
+        oil_each_share: swept volume of each cylinder and side over today's, at most.
     """
 
     oil_total_share: float = number("oil_total_share")

@@ -31,7 +31,7 @@ class Thrust:
     """Settings: thrust.
 
     Attributes:
-        thrust_share: available pressure × bore area of each cylinder, at most.
+        thrust_share: available pressure × bore area of each cylinder over today's, at most.
     """
 
     thrust_share: float | Mapping[str, float] = shares("thrust_share")
@@ -42,7 +42,7 @@ class Buckling:
     """Settings: buckling.
 
     Attributes:
-        buckling_share: Euler safety of each rod, at least.
+        buckling_share: Euler safety of each rod over today's, at least.
         buckling_factor: buckling load over the thrust of one cylinder, at least; None: no limit.
         buckling_column: what buckles then: "rod", all of the open cylinder as thick as the rod
             (Euler); "stepped", barrel and rod.

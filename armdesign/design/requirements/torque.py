@@ -31,10 +31,10 @@ class Torques:
     """Settings: torques.
 
     Attributes:
-        torque_share: largest torque of each actuator in each direction, at least; 0: no such
-            limit.
-        end_torque_share: its torque in each direction at both ends of the range, at least; 0: no
-            such limit.
+        torque_share: largest torque of each actuator in each direction over today's, at least; 0:
+            no such limit.
+        end_torque_share: its torque in each direction at both ends of the range over today's, at
+            least; 0: no such limit.
     """
 
     torque_share: float | Mapping[str, float] = shares("torque_share")

@@ -72,7 +72,7 @@ def test_lift_and_torque_are_kept() -> None:
 
 
 def test_one_actuator_by_hand() -> None:
-    """k grows with both areas (THEORY §3), so the largest annulus that oil and rod allow on the
+    """k grows with both areas, so the largest annulus that oil and rod allow on the
     largest bore wins.
 
     Today 100/63: with 25 % more thrust a bore of 110 fits (1.21), one of 112 does not (1.254).

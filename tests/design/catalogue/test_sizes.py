@@ -37,7 +37,7 @@ def test_what_is_no_catalogue(catalogue: object, words: str) -> None:
 
 
 def test_named_catalogues() -> None:
-    """THEORY §7: the public pairs of ISO 3320 sizes, and sizes of makers of excavators."""
+    """The public pairs of ISO 3320 sizes, and sizes of makers of excavators."""
     pairs = {(round(b / mm), round(r / mm)) for b, r in sizes_of("iso")}
     public = {(50, 36), (63, 45), (80, 56), (100, 70), (125, 90), (140, 90), (160, 110),
               (180, 110), (200, 140),

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from armdesign import Machine
-from armdesign.design.program.constraints import buckling_factor, constraints_at
+from armdesign.design.program.constraints import constraints_at, least_rod_area_factor
 from armdesign.design.program.problem import Problem
 from armdesign.design.requirements.check import check
 from armdesign.hydraulics.oil_spring import holding_force
@@ -81,7 +81,9 @@ def expected_slack(
     i = [c.name for c in machine.cylinders].index(cylinder)
     a1, a2 = problem.vector.areas(x)[i]
     if kind == "buckling":  # safety ~ I/(L² A1) ~ (A1 − A2)²/(L² A1)
-        needed = machine.cylinders[i].open_length * math.sqrt(buckling_factor(problem, i) * a1)
+        needed = machine.cylinders[i].open_length * math.sqrt(
+            least_rod_area_factor(problem, i) * a1
+        )
         return [((needed + value * problem.vector.areas_today[i, 0]) / needed) ** 2 - 1]
     if kind == "holding":  # room over what the supply holds that way
         scale = machine.supply.pressure * problem.vector.areas_today[i, 0]

@@ -117,7 +117,7 @@ def test_derivatives_of_limits(name: str, tightening: float) -> None:
 
 @pytest.mark.parametrize("name", ["double", "excavator", "sprung"])
 def test_chord_is_stiffer_than_any_areas_in_the_box(name: str) -> None:
-    """A²/(A s + V) is convex in A, so its chord lies above (THEORY §6): chord − K ⪰ 0, and = 0 at
+    """A²/(A s + V) is convex in A, so its chord lies above: chord − K ⪰ 0, and = 0 at
     the corners.
     """
     problem = problem_of(name, ("areas",))
@@ -138,7 +138,7 @@ def test_chord_is_stiffer_than_any_areas_in_the_box(name: str) -> None:
 
 
 def test_proportional_dead_volumes_make_stiffness_linear() -> None:
-    """A²/(A s + A v) = A/(s + v) (THEORY §6): the middle of two designs has the mean stiffness."""
+    """A²/(A s + A v) = A/(s + v): the middle of two designs has the mean stiffness."""
     problem = problem_of("excavator", ("areas",), proportional=True)
     rows = np.arange(0, len(problem.dynamics.rows), 11)
     x, y = some_x(problem, 5, 0.3), some_x(problem, 6, 0.3)

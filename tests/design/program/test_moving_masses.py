@@ -82,7 +82,7 @@ def test_derivatives_of_stiffness_less_inertia(machine: Machine, vary: tuple[str
 
 @pytest.mark.parametrize("vary", [("areas",), ("areas", "linkages")])
 def test_derivative_of_a_frequency(vary: tuple[str, ...]) -> None:
-    """∂ω² = vᵀ(∂K − ω² ∂M)v / vᵀMv (THEORY §6) of the lowest mode, against central differences of
+    """∂ω² = vᵀ(∂K − ω² ∂M)v / vᵀMv of the lowest mode, against central differences of
     the eigenvalue.
     """
     problem = posed(bars("triple"), vary)

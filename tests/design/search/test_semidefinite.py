@@ -83,7 +83,7 @@ def brute_force(
 
 def test_one_actuator_closed_form() -> None:
     """With 5 % more oil both areas grow until oil stops them: k = β(A1²/V1 + A2²/V2) rises with
-    each (THEORY §3).
+    each.
 
     The rod must keep (A1 − A2)² ≥ c A1: at A1 = 1.05 and A2 = 1.05 of today's it is 1.05² of
     today's over 1.05. Met.
@@ -248,7 +248,7 @@ class Diary(Search):
 def test_tangents_climb_and_stay_allowed(name: str) -> None:
     """Fixed dead volumes: k is convex in the areas, so its tangent is a lower bound: every step
     keeps its promise on
-    the poses it saw, and every design on the way meets all requirements (THEORY §6)."""
+    the poses it saw, and every design on the way meets all requirements."""
     problem = problem_of(name, ("areas",))
     diary = Diary(problem=problem, x=problem.vector.start)
     diary.run(trust=1.0, tolerance=1e-7)

@@ -69,7 +69,7 @@ def test_never_worse_than_a_global_method(
     name: str, generations: int, method: Callable[..., float]
 ) -> None:
     """Differential evolution and CMA-ES, which know no gradients, on the same problem with a
-    penalty (THEORY §6).
+    penalty.
     """
     problem = problem_of(name)
     areas = np.array([v.pin is None for v in problem.vector.variables])
