@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
@@ -68,6 +69,20 @@ def remembered(method: Callable[[Any, Array], T]) -> Callable[[Any, Array], T]:
         return last[1]
 
     return recalled
+
+
+def mesh(axes: Iterable[Array]) -> Array:
+    """All combinations of the axes' values (n, k), last axis fastest."""
+    axes = tuple(axes)
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
+def sobol(dimensions: int, count: int, seed: int) -> Array:
+    """Points (count, dimensions) of a scrambled Sobol sequence in the unit cube."""
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
+    return np.asarray(sequence.random_base2(math.ceil(math.log2(count)))[:count])
 
 
 def chunks(count: int, size: int | None = None) -> Iterator[slice]:

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, get_args
 
 from armdesign.errors import ArmDesignError, choose
-from armdesign.units import deg, mm
 
 if TYPE_CHECKING:
     from armdesign.arrays import Array
@@ -106,9 +105,7 @@ def pose_of(
     not named, if there are any.
     """
     joints = {joint.name: joint for joint in machine.arm.joints}
-    units = {
-        name: ("deg", deg) if joint.revolute else ("mm", mm) for name, joint in joints.items()
-    }
+    units = {name: joint.file_unit for name, joint in joints.items()}
     remedy = f"give {','.join(f'{name}=… {unit}' for name, (unit, _) in units.items())}"
     pose = dict(zip(joints, last, strict=False))
     for name, number in _named(text, list(joints), option, remedy).items():

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from armdesign.arrays import Array
-from armdesign.calibration.prediction import Predictor, measured_loads
+from armdesign.calibration.prediction import Predictor, area_ratios, measured_loads
 from armdesign.calibration.unknowns import Unknown, varied
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
@@ -76,7 +76,7 @@ class LeastSquares:
     @cached_property
     def _load_deviations(self) -> Array:
         """Of p1 − p2 A2/A1, both pressures with their own errors (n, nc) [Pa]."""
-        ratios = np.array([a.annulus_area / a.bore_area for a in self.machine.actuators])
+        ratios = area_ratios(self.machine)
         return self.predictor.measured.pressure_deviations[:, None] * np.sqrt(1 + ratios**2)
 
     def residuals(self, u: Array) -> Array:

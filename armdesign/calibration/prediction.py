@@ -16,7 +16,7 @@ from armdesign.calibration.measured import Measured
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.cases import groups_by_case
 from armdesign.frequency.modes import natural_modes
-from armdesign.hydraulics.actuator import Actuator
+from armdesign.hydraulics.actuator import Actuator, areas_of
 from armdesign.hydraulics.oil_spring import oil_stiffness
 from armdesign.machine.machine import Machine
 from armdesign.machine.measured_poses import at_lengths, joint_columns
@@ -90,13 +90,12 @@ class Predictor:
             rigid = Predictor(machine, measured).rigid
         frequencies = np.zeros(len(measured))
         loads = np.zeros((len(measured), len(machine.actuators)))
-        areas = np.array([actuator.bore_area for actuator in machine.actuators])
         for loaded, rows in groups_by_case(machine, measured.payloads):
             poses = loaded.evaluate(rigid[rows])
             held = _stiffness(machine, measured, rows, poses)
             modes = natural_modes(dataclasses.replace(poses, oil_stiffness=held)).frequencies
             frequencies[rows] = modes[np.arange(len(modes)), measured.modes[rows]]
-            loads[rows] = poses.cylinder_forces / areas
+            loads[rows] = poses.cylinder_forces / machine.bore_areas
         return Prediction(frequencies, loads)
 
 
@@ -109,8 +108,15 @@ def _pose_alike(machine: Machine, other: Machine) -> bool:
 
 def measured_loads(machine: Machine, measured: Measured) -> Array:
     """Load pressures p1 − p2 A2/A1 of the measured chamber pressures (n, nc) [Pa]."""
-    ratios = np.array([a.annulus_area / a.bore_area for a in machine.actuators])
-    return np.asarray(measured.pressures[:, :, 0] - ratios * measured.pressures[:, :, 1])
+    return np.asarray(
+        measured.pressures[:, :, 0] - area_ratios(machine) * measured.pressures[:, :, 1]
+    )
+
+
+def area_ratios(machine: Machine) -> Array:
+    """A2/A1 of every actuator (nc,)."""
+    bore, annulus = areas_of(machine.actuators).T
+    return np.asarray(annulus / bore)
 
 
 def _stiffness(machine: Machine, measured: Measured, rows: Array, poses: Poses) -> Array:

@@ -6,12 +6,12 @@ An axis holds the even values of one joint [rad, m], from one end of its range t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array
+from armdesign.arrays import Array, mesh
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
@@ -39,12 +39,6 @@ def joint_axes(machine: Machine, points: int | Sequence[int] | None, end_margin:
             ranges[j, 0] = ranges[j].mean()
     counts = default_counts(machine) if points is None else _checked_counts(machine, points)
     return tuple(over(ends, count) for ends, count in zip(ranges, counts, strict=True))
-
-
-def mesh(axes: Iterable[Array]) -> Array:
-    """All combinations of the axes' values (n, nq), last axis fastest."""
-    axes = tuple(axes)
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
 def box_shares(axes: Axes) -> Array:

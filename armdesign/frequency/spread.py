@@ -15,8 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks
-from armdesign.frequency.joint_grid import mesh
+from armdesign.arrays import Array, Flags, chunks, mesh
 from armdesign.machine.load_case import LoadCase
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over

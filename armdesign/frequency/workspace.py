@@ -7,7 +7,6 @@ the grid.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,9 +15,9 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from armdesign.arguments import checked, refuse_unless_seed
-from armdesign.arrays import Array, Flags, ReadOnly, chunks
+from armdesign.arrays import Array, Flags, ReadOnly, chunks, mesh, sobol
 from armdesign.errors import ArmDesignError
-from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes, mesh
+from armdesign.frequency.joint_grid import MOST, Axes, box_shares, joint_axes
 from armdesign.frequency.reach_plane import poses_on_cells
 from armdesign.frequency.spread import tipping_joints, turned_onto_pitch_limits
 from armdesign.journal.keys import digest
@@ -125,15 +124,11 @@ class Workspace(ReadOnly):
         Raises:
             ArmDesignError: count, seed or margin that cannot be, or nothing left.
         """
-        from scipy.stats import qmc
-
         _check_sobol(count, seed)
         margin, nq = _checked_margin(machine, end_margin), len(machine.joints)
         ranges = machine.range_within(margin)
         low, high = ranges.T
-        sequence = qmc.Sobol(nq, rng=np.random.default_rng(seed))
-        unit = sequence.random_base2(math.ceil(math.log2(count)))
-        inside = low + unit[:count] * (high - low)
+        inside = low + sobol(nq, count, seed) * (high - low)
         share = -(-count // 16)
         faces, row = inside[:share].copy(), np.arange(share)
         ended = row % (2 * nq) // 2  # the joint that is at an end

@@ -12,7 +12,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from armdesign.arrays import Numbers
+from armdesign.arrays import Array, Numbers
 
 LAMINAR_DROP = 0.5e5  # [Pa] below about this drop the flow through a metering edge is laminar
 RELIEF_SHARE = 1.1  # of the supply pressure, where port reliefs open
@@ -61,6 +61,14 @@ class Valve:
     def gain(self) -> float:
         """Flow over the root of the pressure drop of an open edge of rated size [m³/s/√Pa]."""
         return self.rated_flow / math.sqrt(self.rated_drop)
+
+    @property
+    def gains(self) -> tuple[Array, Array]:
+        """Of its open edges [m³/s/√Pa]: from the supply to cap and annulus (2,), and back (2,)."""
+        edges = self.edges
+        into = np.array([edges.supply_to_cap, edges.supply_to_annulus])
+        out = np.array([edges.cap_to_return, edges.annulus_to_return])
+        return self.gain * into, self.gain * out
 
     @property
     def without_overlap(self) -> Self:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arguments import checked, refuse_unless_seed
-from armdesign.arrays import Array, Flags, ReadOnly, chunks, read_only
+from armdesign.arrays import Array, Flags, ReadOnly, chunks, read_only, sobol
 from armdesign.design.requirements.record import Check
 from armdesign.errors import ArmDesignError
 from armdesign.frequency.workspace import Workspace
@@ -372,10 +372,7 @@ def _check(count: int, least: float | None, seed: int) -> None:
 
 def _sampled(machine: Machine, widths: Sequence[Width], count: int, seed: int) -> Array:
     """Values (n, w) of the numbers with widths, at the places of a scrambled Sobol sequence."""
-    from scipy.stats import qmc
-
-    sequence = qmc.Sobol(len(widths), rng=np.random.default_rng(seed))
-    places = sequence.random_base2(math.ceil(math.log2(count)))[:count]
+    places = sobol(len(widths), count, seed)
     normal = machine.section.tolerances.distribution == "normal"
     columns = [width.values(at, normal) for width, at in zip(widths, places.T, strict=True)]
     return np.stack(columns, axis=1)

@@ -327,9 +327,9 @@ def _bandwidths(
 
 def _differing(machine: Machine, other: Machine) -> dict[str, tuple[Any, Any]]:
     """Values before and after by key path, of lists number by number."""
-    one, two = (_plain(m) for m in (machine, other))
-    paths = [*one, *(path for path in two if path not in one)]
-    return {p: (one.get(p), two.get(p)) for p in paths if one.get(p) != two.get(p)}
+    from armdesign.machine.file.machine_file import differing
+
+    return differing(_plain(machine), _plain(other))
 
 
 def _plain(machine: Machine) -> dict[str, Any]:

@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from armdesign.arrays import Array, weighted_share
+from armdesign.arrays import Array, mesh, weighted_share
 from armdesign.frequency.cases import CasePoses, load_cases
-from armdesign.frequency.joint_grid import joint_axes, mesh
+from armdesign.frequency.joint_grid import joint_axes
 from armdesign.frequency.workspace import Workspace
 from armdesign.hydraulics.oil_spring import holding_force
 from armdesign.inspection.implausible_values import suspicions

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from armdesign.arrays import Array
-from armdesign.frequency.joint_grid import joint_axes, mesh
+from armdesign.arrays import Array, mesh
+from armdesign.frequency.joint_grid import joint_axes
 from armdesign.machine.machine import Machine
 from armdesign.machine.reaching import place_and_slopes
 from armdesign.machine.room import across, room

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arguments import checked
-from armdesign.arrays import Array, ReadOnly
+from armdesign.arrays import Array, ReadOnly, mesh
 from armdesign.errors import MachineFileError
 from armdesign.machine.file.schema import LiftChartSection
 from armdesign.machine.lifting import liftable_masses, torque_per_mass
@@ -244,7 +244,7 @@ def _on_grid(
     if len(reaches) * len(heights) > MOST:
         size = f"{len(reaches)} × {len(heights)} places, more than {MOST}"
         raise _fault(machine, "step_m", f"{step:g} m makes {size}", "give a larger step_m")
-    places = np.stack(np.meshgrid(reaches, heights, indexing="ij"), axis=-1).reshape(-1, 2)
+    places = mesh((reaches, heights))
     return *poses_reaching(machine, point, joints, others_at, places), places
 
 

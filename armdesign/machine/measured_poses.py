@@ -6,7 +6,6 @@ of a cylinder that alone moves it: Newton's method on ℓ(q), whose slope is the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,6 @@ from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over, sweep
-from armdesign.units import mm
 
 SAMPLES = 64  # of a joint's range, from which Newton's method starts
 STEPS = 4  # of Newton's method: from 1/63 of a range to rounding
@@ -72,7 +70,7 @@ def joint_columns(machine: Machine) -> list[JointColumns]:
     pairs = list(zip(machine.cylinders, machine.linkages, strict=True))
     columns = []
     for j, joint in enumerate(machine.arm.joints):
-        unit, factor = ("deg", math.radians(1)) if joint.revolute else ("mm", mm)
+        unit, factor = joint.file_unit
         alone = [i for i, (_, linkage) in enumerate(pairs) if linkage.joints == (j,)]
         lengths = {f"{pairs[i][0].name}_length_mm": i for i in alone}
         columns.append(

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias, TypeVar
 
-from armdesign.hydraulics.actuator import Cylinder, Motor
+from armdesign.hydraulics.actuator import SIDES, Cylinder, Motor
 from armdesign.hydraulics.fluid import Fluid, Supply
 from armdesign.hydraulics.friction import NO_FRICTION, Friction
 from armdesign.hydraulics.valve import Edges, LoadHolding, Valve
@@ -193,7 +193,7 @@ def _common(
 ) -> dict[str, Any]:
     """The fields of cylinders and motors alike, with the ``volumes`` [l] of their two sides."""
     fields: dict[str, Any] = {"name": name, "count": section.count}
-    for side, key in zip(("cap", "annulus"), type(volumes).model_fields, strict=True):
+    for side, key in zip(SIDES, type(volumes).model_fields, strict=True):
         fields[f"{side}_dead_volume"] = getattr(volumes, key) * litre
         fields[f"{side}_hose_volume"] = getattr(section.hose, f"{key}_l") * litre
     valve = _valve(section.valve) if section.valve else None

@@ -10,7 +10,7 @@ import itertools
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags, chunks
+from armdesign.arrays import Array, Flags, chunks, mesh
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
 from armdesign.mechanism.linkage.base import Pin
@@ -63,9 +63,8 @@ def lattice(
     ``spans`` (k, 2) [rad, m] instead of the ranges.
     """
     ends = machine.ranges[list(joints)] if spans is None else spans
-    axes = np.meshgrid(*(over(span, LATTICE) for span in ends), indexing="ij")
     nodes = np.tile(q, (LATTICE ** len(joints), 1))
-    nodes[:, joints] = np.stack(axes, axis=-1).reshape(len(nodes), -1)
+    nodes[:, joints] = mesh(over(span, LATTICE) for span in ends)
     return nodes
 
 

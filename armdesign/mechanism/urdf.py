@@ -18,6 +18,7 @@ import numpy as np
 from armdesign.arrays import Array, ReadOnly
 from armdesign.mechanism.spring import Spring
 from armdesign.mechanism.urdf_faults import faults_of, movable_joints, numbers, parse
+from armdesign.units import deg, mm
 
 _DEFAULTS = {  # numbers that Pinocchio reads, by element and attribute
     "origin": {"xyz": "0 0 0", "rpy": "0 0 0"},
@@ -45,6 +46,11 @@ class Joint(ReadOnly):
     def unit(self) -> str:
         """Unit of its position: "rad" or "m"."""
         return "rad" if self.revolute else "m"
+
+    @property
+    def file_unit(self) -> tuple[str, float]:
+        """Unit of its position in files, "deg" or "mm", and what one is [rad, m]."""
+        return ("deg", deg) if self.revolute else ("mm", mm)
 
     @property
     def endless(self) -> bool:

@@ -125,7 +125,7 @@ class Move(ReadOnly):
 
         columns = {"time_s": np.concatenate([before, self.lead + self.planned.time])}
         for joint, position in zip(self.machine.arm.joints, self.planned.q.T, strict=True):
-            unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
+            unit, factor = joint.file_unit
             columns[f"{joint.name}_{unit}"] = from_rest(position / factor)
         for i, (name, table) in enumerate(self.commands.items()):
             turns = isinstance(self.machine.actuators[i], Motor)
@@ -151,7 +151,7 @@ class Move(ReadOnly):
                 "drift_mm_per_s": run.drift / mm,
             }
             for joint, miss in zip(self.machine.arm.joints, run.miss, strict=True):
-                unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
+                unit, factor = joint.file_unit
                 row[f"{joint.name}_miss_{unit}"] = miss / factor
             rows.append(row)
         return pd.DataFrame(rows)

@@ -24,7 +24,7 @@ import numpy as np
 
 from armdesign.arrays import Array
 from armdesign.errors import ArmDesignError
-from armdesign.hydraulics.actuator import Actuator
+from armdesign.hydraulics.actuator import Actuator, areas_of
 from armdesign.machine.machine import Machine
 from armdesign.machine.poses import Poses, static_forces
 from armdesign.simulation.plant.rigid_bodies import RigidBodies
@@ -78,8 +78,7 @@ def path_limits(
 
 def inflow_areas(machine: Machine, speeds: Array) -> Array:
     """Area that takes oil from the supply while a piston moves with its speed (…, nc) [m²]."""
-    bore = np.array([actuator.bore_area for actuator in machine.actuators])
-    annulus = np.array([actuator.annulus_area for actuator in machine.actuators])
+    bore, annulus = areas_of(machine.actuators).T
     return np.where(speeds > 0, bore, annulus)
 
 
@@ -124,9 +123,7 @@ def _force_rows(
     by_a, by_b, static = forces
     valve = actuator.valve
     assert valve is not None
-    edges = valve.edges
-    into = np.array([edges.supply_to_cap, edges.supply_to_annulus]) * valve.gain
-    out = np.array([edges.cap_to_return, edges.annulus_to_return]) * valve.gain
+    into, out = valve.gains
     rows = []
     for way in (1, -1):
         areas = np.array([actuator.bore_area, actuator.annulus_area])[::way]

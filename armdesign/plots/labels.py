@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdesign.arrays import Array
+from armdesign.machine.file.polygons import cross
 from armdesign.plots.canvas import INK, Style, line_width
 
 if TYPE_CHECKING:
@@ -142,14 +143,7 @@ def _order(begins: Array, rows: Array, points: Array) -> list[int]:
 
 def _crossings(starts: Array, ends: Array) -> int:
     """Number of pairs among lines (n, 2) → (n, 2) that cross."""
-    along = (ends - starts)[:, None]
-
-    def turn(to: Array) -> Array:  # of each line to the ends of each other: left is positive
-        way = to[None] - starts[:, None]
-        return np.asarray(along[..., 0] * way[..., 1] - along[..., 1] * way[..., 0])
-
-    apart = turn(starts) * turn(ends) < 0
-    return int((apart & apart.T).sum()) // 2
+    return int(cross(starts[:, None], ends[:, None], starts, ends).sum()) // 2
 
 
 def _write(ax: Axes, label: Label, side: str, height: float) -> None:

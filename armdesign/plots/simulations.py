@@ -8,7 +8,7 @@ import numpy as np
 
 from armdesign.drawing.colours import actuator_colours
 from armdesign.plots.canvas import INK, MARK, figure, literal, title_of
-from armdesign.units import bar, deg
+from armdesign.units import bar
 
 if TYPE_CHECKING:
     from armdesign.plots.canvas import Axes, Figure
@@ -36,7 +36,7 @@ def simulation_figure(simulation: Simulation) -> Figure:
 def _joints(ax: Axes, simulation: Simulation) -> None:
     """Positions of the joints away from those at the start."""
     for k, joint in enumerate(simulation.machine.arm.joints):
-        unit, factor = ("deg", deg) if joint.revolute else ("mm", 1e-3)
+        unit, factor = joint.file_unit
         moved = (simulation.q[:, k] - simulation.q[0, k]) / factor
         ax.plot(simulation.time, moved, color=INK, ls=("-", "--", "-.", ":")[k % 4],
                 label=f"{joint.name} [{unit}]")  # fmt: skip

@@ -278,8 +278,8 @@ def _bounding(row: pd.Series[Any]) -> str:
 
 
 def _row_of(bandwidths: BandwidthMap, row: pd.Series[Any], units: Units) -> tuple[str, ...]:
-    joints = bandwidths.machine.arm.joints
-    at = ", ".join(f"{joint.name} {units.text(row[joint.name], joint.unit)}" for joint in joints)
+    machine = bandwidths.machine
+    at = pose_text(machine, row[list(machine.joints)].to_numpy(dtype=float), units)
     return (
         f"{row['f1_hz']:.3f}",
         f"{row['damping']:.4f}",

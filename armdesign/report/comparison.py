@@ -66,12 +66,7 @@ class Comparison:
     def differences(self) -> dict[str, tuple[Any, Any]]:
         """Values that differ, by key path, in the files' units; None where a file has none."""
         one, other = (machine_file.flat(m.machine.section) for m in self.maps.values())
-        paths = [*one, *(path for path in other if path not in one)]
-        return {
-            path: (one.get(path), other.get(path))
-            for path in paths
-            if one.get(path) != other.get(path)
-        }
+        return machine_file.differing(one, other)
 
     @property
     def frame(self) -> pd.DataFrame:

@@ -16,6 +16,7 @@ import numpy as np
 
 from armdesign.arrays import Array, Flags, ReadOnly
 from armdesign.hydraulics.actuator import areas_of
+from armdesign.simulation.signals import CHAMBERS
 from armdesign.units import bar
 
 if TYPE_CHECKING:
@@ -119,9 +120,7 @@ def damped_modes_of(model: LinearModel) -> DampedModes:
     largest = np.take_along_axis(shapes, np.abs(shapes).argmax(axis=0)[None], axis=0)[0]
     scale = np.abs(largest) / largest / np.sqrt(masses)
     shapes = shapes * scale
-    pressures = [
-        right[groups[name]] * scale * bar for name in ("cap pressures", "annulus pressures")
-    ]
+    pressures = [right[groups[name]] * scale * bar for name in CHAMBERS]
     areas, compliance = areas_of(machine.actuators).T, [a.compliance for a in machine.actuators]
     force = areas[0][:, None] * pressures[0] - areas[1][:, None] * pressures[1]
     energy = np.array(compliance)[:, None] * np.abs(force) ** 2

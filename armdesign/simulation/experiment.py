@@ -130,19 +130,16 @@ class Experiment:
         }
         return commands | {self.cylinder: SymmetricCommand(self.valve, centre, excitation)}
 
-    def case(
-        self, excitation: Callable[[float], float], duration: float | None = None
-    ) -> SimulationCase:
+    def case(self, excitation: Callable[[float], float]) -> SimulationCase:
         """A run under an excitation of the mean opening; a slow loop holds the mean position.
 
-        The excitation is ``swept_sine`` or another function of time, the duration the sweep's
-        unless one is given [s].
+        The excitation is ``swept_sine`` or another function of time.
         """
         return SimulationCase(
             machine=self.rest.swept_machine,
             q=self.rest.pose,
             command=self.commands(excitation),
-            duration=duration or self.duration,
+            duration=self.duration,
             rate=self.rate,
             hold=HOLD_SHARE * self.band[0],
             preloaded=self.rest.preloaded,

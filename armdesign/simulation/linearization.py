@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike
 from armdesign.arguments import checked
 from armdesign.arrays import Array, Flags, chunks, stacked
 from armdesign.errors import PoseError, SimulationError
-from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.actuators import F, with_each
 from armdesign.machine.dead_centres import dead_centre
 from armdesign.machine.machine import Machine
@@ -42,9 +41,8 @@ from armdesign.simulation.plant import slopes
 from armdesign.simulation.plant.plant import Plant
 from armdesign.simulation.plant.rigid_bodies import COMPLEX_STEP, curvature
 from armdesign.simulation.plant.springs import settled
-from armdesign.simulation.signals import Signals, signals_of
+from armdesign.simulation.signals import CHAMBERS, Signals, signals_of
 
-CHAMBERS = ("cap pressures", "annulus pressures")
 WAY = 200  # poses on which a stable one is looked for
 
 
@@ -195,7 +193,7 @@ def assembled(plant: Plant, point: OperatingPoints) -> LinearModels:
     a[:, signals.states["positions"], speeds] = np.eye(plant.nq)
     a[:, speeds] = np.linalg.solve(point.poses.mass_matrix, at.generalised_force())
     b[:, speeds, nc:] = np.linalg.solve(point.poses.mass_matrix, at.tool.first)
-    for group, rate in zip(("cap pressures", "annulus pressures"), at.instant.rates, strict=True):
+    for group, rate in zip(CHAMBERS, at.instant.rates, strict=True):
         a[:, signals.states[group]] = at.by_states(rate)
     if plant.has_line:
         at.write_line(a)
@@ -248,7 +246,7 @@ class _At:
         """Length, its rate, pressures, spool and supply pressure of each actuator (n, nc, 6)."""
         poses, groups = self.point.poses, self.signals.states
         rates = (poses.moment_arms @ self.velocity[:, :, None])[..., 0]
-        chambers = [self.states[:, groups[f"{side} pressures"]] for side in SIDES]
+        chambers = [self.states[:, groups[name]] for name in CHAMBERS]
         line = np.broadcast_to(self.system["pressure"], (len(rates), 1))
         line = self.states[:, groups["supply pressure"]] if self.plant.has_line else line
         supply = np.broadcast_to(line, rates.shape)

@@ -20,7 +20,7 @@ from armdesign.simulation.controlled_plant import ENERGY
 from armdesign.simulation.identification.decaying_modes import OVERDAMPED
 from armdesign.simulation.identification.ringdown import Ringdown, identify_ringdown
 from armdesign.simulation.plant.hydraulics import VAPOUR_PRESSURE
-from armdesign.units import bar, deg, mm
+from armdesign.units import bar, mm
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -174,7 +174,7 @@ class Simulation(ReadOnly):
         columns: dict[str, Array] = {"time_s": self.time}
         positions = np.concatenate([self.q, self.springs], axis=1).T
         for joint, position in zip(self.machine.arm.coordinates, positions, strict=True):
-            unit, factor = ("deg", deg) if joint.revolute else ("mm", mm)
+            unit, factor = joint.file_unit
             columns[f"{joint.name}_{unit}"] = position / factor
         rigid = self.machine.rigid_poses(self.q)
         for i, (name, drive) in enumerate(zip(self.cylinders, self.machine.drives, strict=True)):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from armdesign.machine.machine import Machine
 
 Groups = Mapping[str, slice]
+CHAMBERS = ("cap pressures", "annulus pressures")  # groups of states
 
 
 class Signals(NamedTuple):
@@ -26,7 +27,7 @@ def signals_of(machine: Machine) -> Signals:
     joints = [joint.name for joint in machine.arm.coordinates]
     actuators = [actuator.name for actuator in machine.actuators]
     k, nc, line = len(joints), len(actuators), int(machine.supply.flow_limited)
-    chambers = {"cap pressures": nc, "annulus pressures": nc}
+    chambers = dict.fromkeys(CHAMBERS, nc)
     spools = {"spools": nc, "spool speeds": nc}
     outputs = {
         "piston positions": [f"{name} piston position" for name in actuators],

@@ -16,7 +16,7 @@ from armdesign.errors import SimulationError, raise_together
 from armdesign.frequency.modes import natural_modes
 from armdesign.machine.actuators import F, with_each
 from armdesign.machine.machine import Machine
-from armdesign.machine.poses import refuse_unheld
+from armdesign.machine.poses import pose_text, refuse_unheld
 from armdesign.short_repr import short_repr
 from armdesign.simulation.controlled_plant import ByName, Command, ControlledPlant
 from armdesign.simulation.events import events, pose_events, pump_events
@@ -318,11 +318,10 @@ def _states(
 def _failure(system: ControlledPlant, stop: GaveUpError, tolerance: float) -> SimulationError:
     plant, machine = system.plant, system.plant.machine
     q, velocity = (x[: len(machine.joints)] for x in plant.split(stop.state[: plant.size])[:2])
-    where = ", ".join(f"{name} {value:.4g}" for name, value in zip(machine.joints, q, strict=True))
     command = np.array(system.demands[0](stop.time + INSTANT), dtype=float).tolist()
     return SimulationError(
         f"{machine.name}: simulation",
-        f"gave up at {stop.time:.4g} s, last known at {where} ({stop.cause})",
+        f"gave up at {stop.time:.4g} s, last known at {pose_text(machine, q)} ({stop.cause})",
         likely_cause(machine, q + INSTANT * velocity, command, stop.cause, tolerance),
     )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from armdesign.arguments import refuse_unless_seed
+from armdesign.arrays import sobol
 from armdesign.csv_rows import NUMBER, read_rows
 from armdesign.errors import ArmDesignError
 from armdesign.machine.changes import toml_value
@@ -99,8 +100,7 @@ def sobol_changes(
         fault = f"has {low.size} ranges" if low.size else "has no ranges"
         remedy = f"give two ends by key path, of 1 to {qmc.Sobol.MAXDIM} numbers"
         raise ArmDesignError("sobol", fault, remedy)
-    sequence = qmc.Sobol(low.size, rng=np.random.default_rng(seed))
-    points = sequence.random_base2(math.ceil(math.log2(count)))[:count]
+    points = sobol(low.size, count, seed)
     return [dict(zip(ranges, row, strict=True)) for row in (low + points * (high - low)).tolist()]
 
 

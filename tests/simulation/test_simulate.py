@@ -210,7 +210,7 @@ def test_giving_up_names_time_and_place(
 ) -> None:
     monkeypatch.setattr(motion, "MOST_STEPS", 8)
     with pytest.raises(
-        SimulationError, match=r"gave up at .* s, .* boom 1\.15.*more than 8 steps"
+        SimulationError, match=r"gave up at .* s, .* boom 66\.1°.*more than 8 steps"
     ):
         simulate(excavator, WORST, {"boom": pulse(0.1, 0.5)}, duration=5.0)
 

@@ -236,12 +236,8 @@ class DesignVector:
 
     @property
     def strokes_today(self) -> tuple[Array, Array]:
-        """Today's closed length and stroke (nc,) [m]."""
-        closed, stroke = (
-            np.array([getattr(one, key) for one in self.machine.actuators])
-            for key in ("closed_length", "stroke")
-        )
-        return closed, stroke
+        """Today's closed length and stroke (nc,) [m], which the caller may change."""
+        return self.machine.closed_lengths.copy(), self.machine.strokes.copy()
 
     def covering(self, i: int, least: Any, most: Any) -> tuple[Any, Any]:
         """Closed length and stroke [m] of cylinder ``i`` that cover lengths, and no more.

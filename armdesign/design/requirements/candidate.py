@@ -145,12 +145,12 @@ class MachineCandidate:
     @cached_property
     def closed(self) -> Array:
         """Closed lengths (1, nc) [m]."""
-        return np.array([[one.closed_length for one in self.machine.actuators]])
+        return self.machine.closed_lengths[None]
 
     @cached_property
     def stroke(self) -> Array:
         """Strokes (1, nc) [m]."""
-        return np.array([[one.stroke for one in self.machine.actuators]])
+        return self.machine.strokes[None]
 
     @cached_property
     def sweeps(self) -> list[tuple[Array, Array] | None]:

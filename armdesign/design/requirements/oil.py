@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from armdesign.design.requirements.candidate import Candidate, Reference
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import number, shares
+from armdesign.hydraulics.actuator import SIDES
 from armdesign.machine.file.schema import share_of
 
 
@@ -34,7 +35,7 @@ def oil(new: Candidate, reference: Reference) -> Iterator[Evaluation]:
     """
     requirements, old = reference.requirements, reference.old
     count = len(reference.today.cylinders)
-    for side, label in enumerate(("cap", "annulus")):
+    for side, label in enumerate(SIDES):
         volume, today = (c.areas[:, :count, side] * c.stroke[:, :count] for c in (new, old))
         total = float(today.sum())
         yield Evaluation(

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from armdesign.arrays import Array, Flags
+from armdesign.arrays import Array, Flags, mesh
 from armdesign.design.requirements.candidate import Candidate, Reference, diameters
 from armdesign.design.requirements.record import Evaluation, names_begin_with
 from armdesign.design.requirements.stated import (
@@ -349,6 +349,6 @@ def _poses_between(today: Machine, part: Clearance, i: int) -> tuple[RigidPoses,
     count = MESH.get(len(between), 5)
     axes = [over(today.ranges[j], count) for j in between]
     q = np.tile(today.ranges.mean(axis=1), (count ** len(between), 1))
-    q[:, between] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(between))
+    q[:, between] = mesh(axes)
     poses = arm.kinematics(q)
     return poses, arm.link_rotation(poses, part.link), arm.point(poses, part.link, np.zeros(3))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -168,6 +168,12 @@ def faults(
 def flat(section: MachineSection) -> dict[str, Any]:
     """Every value of a machine file by its key path, defaults included; lists whole."""
     return dict(_leaves(plain(section)))
+
+
+def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """Values that differ, of one and the other by key path; None where one has none."""
+    pairs = {path: (one.get(path), other.get(path)) for path in {**one, **other}}
+    return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def _leaves(table: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

@@ -103,9 +103,7 @@ def actuators_of(machine: Machine) -> Records:
             (actuator.friction.coulomb, actuator.friction.static, actuator.friction.viscous)
         )
         row["relief"] = actuator.relief(machine.supply)
-        edges = valve.edges
-        row["into"] = np.array([edges.supply_to_cap, edges.supply_to_annulus]) * valve.gain
-        row["out"] = np.array([edges.cap_to_return, edges.annulus_to_return]) * valve.gain
+        row["into"], row["out"] = valve.gains
         _set_chambers(row, actuator, machine)
         row["held"] = -1
         if actuator.load_holding is not None:

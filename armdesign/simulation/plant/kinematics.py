@@ -23,7 +23,7 @@ from armdesign.hydraulics.actuator import Cylinder
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.linkage.base import Pin
-from armdesign.mechanism.urdf import Joint
+from armdesign.mechanism.urdf import Joint, turning
 from armdesign.simulation.plant.compiled import Record, Records, new_records, within
 from armdesign.simulation.plant.vectors import ZERO, Vector, cross, dot, plus, scaled, turned
 
@@ -104,9 +104,8 @@ def _turn(joint: Joint) -> tuple[Array, Array, Array]:
     """
     if not joint.revolute:
         return joint.rotation, np.zeros((3, 3)), np.zeros((3, 3))
-    x, y, z = joint.axis
-    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return joint.rotation @ (np.eye(3) + k @ k), joint.rotation @ k, -joint.rotation @ k @ k
+    before, sine, square = turning(joint.axis, joint.rotation).reshape(3, 3, 3)
+    return before + square, sine, -square
 
 
 def drives_of(machine: Machine) -> Records:
