@@ -27,7 +27,7 @@ def joint_axes(machine: Machine, points: int | Sequence[int] | None, end_margin:
     Args:
         machine: today's machine.
         points: number of values per joint, one for all or one each (≥ 2); None: about ``POSES``
-            poses, the last joint finest, of one without effect only middle and end.
+            poses, the last joint finest, of one without effect middle and end.
         end_margin: share of the stroke.
 
     Raises:
@@ -75,9 +75,9 @@ def _step(axis: Array) -> float:
 
 def default_counts(machine: Machine) -> list[int]:
     """Number of values per joint of the default grid."""
-    nq, idle = len(machine.joints), machine.joints_without_effect
-    base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(idle), 1))), 240), 5)
-    return [2 if j in idle else base for j in range(nq - 1)] + [3 * base // 2]
+    nq, without = len(machine.joints), machine.joints_without_effect
+    base = max(min(int((POSES / 1.5) ** (1 / max(nq - len(without), 1))), 240), 5)
+    return [2 if j in without else base for j in range(nq - 1)] + [3 * base // 2]
 
 
 def _checked_counts(machine: Machine, points: int | Sequence[int]) -> list[int]:

@@ -18,7 +18,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.frequency.cases import CasePoses
 from armdesign.frequency.modes import lowest_frequency
-from armdesign.frequency.spread import joints_without_effect
+from armdesign.frequency.spread import joints_that_change_nothing
 
 # for each joint that matters: poses at random, kept in a round, and tried about each of these
 SPREAD, PARENTS, CHILDREN = 500, 12, 4
@@ -36,7 +36,7 @@ def lowest_by_population(case: CasePoses, starts: Array) -> tuple[Array, float]:
     """
     low, high = case.workspace.ranges.T
     span = np.where(high > low, high - low, 1.0)
-    fixed = joints_without_effect(case.machine)
+    fixed = joints_that_change_nothing(case.machine)
     moving = np.array([j not in fixed for j in range(len(low))])
     count, random = int(moving.sum()), np.random.default_rng(0)
 

@@ -27,7 +27,7 @@ from armdesign.frequency.reach_rim import least_motion, led_into_cells, poses_ov
 from armdesign.frequency.softest_poses import softest_poses
 from armdesign.frequency.spread import (
     box_poses,
-    joints_without_effect,
+    joints_that_change_nothing,
     surfaces,
     tipping_joints,
     turned_onto_pitch_limits,
@@ -150,7 +150,7 @@ class _Between:
             least: frequencies that are known in the cells (nx, nz) [Hz]: where this load case's
                 are far above, no lower ones are sought.
         """
-        fixed = joints_without_effect(self.machine)
+        fixed = joints_that_change_nothing(self.machine)
         inside = box_poses(self.ranges, fixed, INSIDE, INSIDE // 2)
         first = [inside, self._on_borders(cells)]
         if self.machine.fluid.aerated:

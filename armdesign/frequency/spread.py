@@ -85,7 +85,7 @@ def edge_poses(
 
     ``count`` for each combination of joint ends; none where two joints or fewer move the tool.
     """
-    fixed = joints_without_effect(machine)
+    fixed = joints_that_change_nothing(machine)
     moving = len(ranges) - len(fixed)
     if moving < 3:
         return
@@ -123,7 +123,7 @@ def surfaces(case: Machine, ranges: Array, values: int) -> Iterator[Array]:
     where a pitch limit would need a joint beyond its range. A linear function of the poses that
     bring the tool to a cell is least on these surfaces.
     """
-    fixed = joints_without_effect(case)
+    fixed = joints_that_change_nothing(case)
     yield from _faces(ranges, fixed, values)
     for joint in tipping_joints(case, case.payload):
         for q in _faces(ranges, fixed | {joint}, values):
@@ -143,8 +143,8 @@ def _faces(ranges: Array, fixed: Collection[int], values: int) -> Iterator[Array
             yield mesh(axes).reshape(values, values, -1)
 
 
-def joints_without_effect(machine: Machine) -> set[int]:
-    """Joints that change neither frequency nor reach: idle ones about the root's z axis."""
+def joints_that_change_nothing(machine: Machine) -> set[int]:
+    """Joints that change neither frequency nor reach: those without effect about the root's z."""
     feet = machine.arm.zero.translation[0, :, :2]
     return {j for j in machine.joints_without_effect if np.hypot(*feet[j]) < 1e-9}
 

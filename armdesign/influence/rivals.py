@@ -220,10 +220,10 @@ def _apart(
 def _near(workspace: Workspace, q: Array, others: Array) -> Flags:
     """Whether a pose (nq,) and others (n, nq) are one (n,)."""
     machine = workspace.machine
-    idle, turns = list(machine.joints_without_effect), 2 * np.pi * endless(machine)
+    unfelt, turns = list(machine.joints_without_effect), 2 * np.pi * endless(machine)
     by = np.abs(q - np.reshape(others, (-1, len(q))))
     away = np.minimum(by, np.abs(turns - by)) / np.ptp(workspace.ranges, axis=1)
-    return np.asarray(np.delete(away, idle, axis=1).max(axis=1, initial=0.0) <= APART)
+    return np.asarray(np.delete(away, unfelt, axis=1).max(axis=1, initial=0.0) <= APART)
 
 
 def _rival(case: CasePoses, q: Array, value: float) -> Rival:

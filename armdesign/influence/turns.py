@@ -25,9 +25,9 @@ ALIKE = 1e-12  # frequencies this near, relative, are one
 
 
 def at_worst_turn(machine: Machine, rival: Rival) -> tuple[float, Array]:
-    """A rival's lowest frequency [Hz] over all turns of joints that were idle, and the pose (nq,).
+    """A rival's lowest frequency [Hz] over all turns of joints that had no effect, and the pose.
 
-    It follows its ends; the pose is the one from which it does.
+    It follows its ends; the pose (nq,) is the one from which it does.
 
     Args:
         machine: the machine as its file describes it.

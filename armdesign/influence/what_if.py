@@ -134,8 +134,8 @@ class WhatIf:
         """
         positions = [is_position(name) for name in table.index]
         moved = np.where(positions, table["after"] - table["before"], table["change"])
-        idle = [_is_idle(name, self.before.machine) for name in table.index]
-        return np.asarray((np.abs(moved) < UNCHANGED) | idle)
+        nothing = [_means_nothing(name, self.before.machine) for name in table.index]
+        return np.asarray((np.abs(moved) < UNCHANGED) | nothing)
 
     def _changes(self) -> Sheet:
         pairs = self.changes.items()
@@ -379,7 +379,7 @@ def _linear(
     for name, (value, _) in before.items():
         low, at, high = (side.get(name, (None, ""))[0] for side in known)
         numeric = not isinstance(value, str) and None not in (value, low, at, high)
-        if numeric and not name.startswith(COUNTED) and not _is_idle(name, machine):
+        if numeric and not name.startswith(COUNTED) and not _means_nothing(name, machine):
             estimates[name] = value - at + _estimate(name, at, high, low)
     exact = _frequency_changes(machine, steps, Workspace.grid(machine, points))
     return estimates | {name: before[name][0] + change for name, change in exact.items()}
@@ -395,7 +395,7 @@ def _estimate(name: str, value: float, after: float, before: float) -> float:
     return math.nan if jumps else value + (after - value) / PART
 
 
-def _is_idle(name: str, machine: Machine) -> bool:
+def _means_nothing(name: str, machine: Machine) -> bool:
     """Whether a quantity is the position of a joint that changes no frequency."""
     joint = name.rpartition(f"{WORST_POSE}.")[2]
     return is_position(name) and any(

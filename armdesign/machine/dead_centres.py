@@ -14,6 +14,7 @@ import numpy as np
 from armdesign.arrays import Array
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.joint_ranges import over
+from armdesign.mechanism.linkage.base import moment_arms
 
 OVERCOME = "gravity overcomes the trapped oil"  # where no dead centre explains an unstable pose
 QUESTION = "is the bulk modulus or the payload right?"
@@ -66,5 +67,4 @@ def _moment_arms(machine: Machine, q: Array) -> Array:
     """Moment arms of all actuators about the joints (n, nc, nq), NaN where a four-bar is open."""
     rigid = machine.arm.kinematics(q)
     with np.errstate(invalid="ignore", divide="ignore"):
-        arms = [drive.actuation(rigid).moment_arm for drive in machine.drives]
-    return np.asarray(np.stack(arms, axis=1)[..., : len(machine.joints)])
+        return moment_arms(machine.drives, rigid)[..., : len(machine.joints)]

@@ -25,7 +25,7 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.poses import is_singular
 from armdesign.machine.reaching import lattice, place_and_slopes, poses_reaching
 from armdesign.machine.tipping import tipping_masses
-from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.linkage.base import Pin, moment_arms
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.mechanism.slews import is_upright
 from armdesign.short_repr import short_repr
@@ -57,6 +57,7 @@ class ChartPoses(ReadOnly):
         places: reach and height (n, 2) [m].
         place: index of the place of each pose (m,), ascending.
         rigid: the poses (m).
+        arms: moment arms of the drives (m, nc, k) [m/rad].
         torque: of a kilogram at the point (m, nq) [N m/kg].
     """
 
@@ -67,6 +68,7 @@ class ChartPoses(ReadOnly):
     places: Array
     place: Array
     rigid: RigidPoses
+    arms: Array
     torque: Array
 
     def best(self, least: Array) -> Array:
@@ -150,7 +152,7 @@ def lift_chart(machine: Machine, like: LiftChart | None = None) -> LiftChart:
         412.0 lift
     """
     poses = chart_poses(machine, like)
-    masses = liftable_masses(machine, poses.rigid, poses.torque, HYDRAULIC_SHARE)
+    masses = liftable_masses(machine, poses.rigid, poses.arms, poses.torque, HYDRAULIC_SHARE)
     at = machine.arm.point(poses.rigid, poses.point.link, np.array(poses.point.at))
     ahead = machine.heading.ahead(poses.rigid.q, at)
     tipping = TIPPING_SHARE * tipping_masses(machine, poses.rigid, ahead)
@@ -202,7 +204,7 @@ def chart_poses(machine: Machine, like: LiftChart | None = None) -> ChartPoses:
     for step, start in grids:
         q, which, places = _on_grid(machine, point, joints, others_at, (step, start))
         rigid = machine.rigid_poses(q)
-        arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
+        arms = moment_arms(machine.drives, rigid)
         held = ~is_singular(arms[..., : len(machine.joints)])
         if len(np.unique(which[held])) >= FEW:
             break
@@ -217,6 +219,7 @@ def chart_poses(machine: Machine, like: LiftChart | None = None) -> ChartPoses:
         places=places[used],
         place=place,
         rigid=rigid[held],
+        arms=arms[held],
         torque=torque_per_mass(machine, rigid[held], point),
     )
 

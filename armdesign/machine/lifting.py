@@ -55,11 +55,18 @@ def liftable(
 
 
 def liftable_masses(
-    machine: Machine, rigid: RigidPoses, torque: Array, share: Array | float
+    machine: Machine, rigid: RigidPoses, arms: Array, torque: Array, share: Array | float
 ) -> Array:
-    """Mass (n, nc) [kg] that each actuator of a machine lifts, by ``torque_per_mass``."""
+    """Mass (n, nc) [kg] that each actuator of a machine lifts.
+
+    Args:
+        machine: that lifts.
+        rigid: its poses (n).
+        arms: ``moment_arms`` of its drives there (n, nc, k) [m/rad].
+        torque: ``torque_per_mass`` there (n, nq) [N m/kg, N/kg].
+        share: of its force, for all or for each (nc,).
+    """
     areas = areas_of(machine.actuators)
-    arms = np.stack([drive.actuation(rigid).moment_arm for drive in machine.drives], axis=1)
     bare, per_mass = (
         static_forces(arms, load, areas[:, 0], len(machine.joints))
         for load in (unloaded(machine, rigid), torque)

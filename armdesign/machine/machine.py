@@ -197,7 +197,10 @@ class Machine:
 
         A mass sits where the case at work has its own, else the first that has one, as the file
         has it then, and is held in its pitch range, 0 kg at any. Maps and designs count it beside
-        the file's, which stays; ``save`` does not write it. ArmDesignError: no such name or mass.
+        the file's, which stays; ``save`` does not write it.
+
+        Raises:
+            ArmDesignError: no such load case, no mass ≥ 0, or no load case that says where it is.
         """
         if isinstance(payload, str):
             return replace(self, payload=case_named(payload, self.payloads, self.name))
@@ -262,8 +265,7 @@ class Machine:
             overwrite: whether files may be replaced that this package did not make.
 
         Raises:
-            ArmDesignError: a place that cannot be written, a file of somebody else there, or a
-                part changed in memory.
+            ArmDesignError: a place not writable or of a foreign file, a part changed in memory.
         """
         refuse_changed_parts(self)
         return saving.save(self, path, overwrite)
@@ -276,8 +278,6 @@ class Machine:
         """
         refuse_changed_parts(self)
         return saving.files(self, path)
-
-    # --------------------------------------------------------------------------------------- poses
 
     def line_of(self, path: str) -> int | None:
         """Line of a key path in its file, or of the nearest table above it that the file has."""
@@ -307,11 +307,9 @@ class Machine:
     @cached_property
     def idle(self) -> dict[str, list[str]]:
         """Cylinders and motors that stand still, each with the frozen joints that hold it."""
-        motors = {name: [motor.joint or name] for name, motor in self.section.motor.items()}
-        for motor in self.motors:
-            motors.pop(motor.name)
+        motors, at_work = self.section.motor, {motor.name for motor in self.motors}
         cylinders = {one.name: parts.frozen_joints(k) for one, k in self.idle_cylinders}
-        return cylinders | motors
+        return cylinders | {k: [one.joint or k] for k, one in motors.items() if k not in at_work}
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
@@ -321,7 +319,7 @@ class Machine:
 
     @cached_property
     def ranges(self) -> Array:
-        """Joint ranges (nq, 2) [rad, m]: what the strokes allow, cut by the URDF's limits."""
+        """Joint ranges (nq, 2) [rad, m] by strokes and URDF limits; raises as ``range_within``."""
         return self.range_within(0.0)
 
     @property
@@ -333,9 +331,12 @@ class Machine:
             return self.arm.limits
 
     def range_within(self, end_margin: float) -> Array:
-        """Joint ranges (nq, 2) that leave a share of every stroke free; MachineFileError: none."""
-        source = self.source.name
-        with lines_of(self.text, source):
+        """Joint ranges (nq, 2) that leave a share of every stroke free at both ends.
+
+        Raises:
+            MachineFileError: no such range, or within it a dead centre or a linkage that opens.
+        """
+        with lines_of(self.text, source := self.source.name):
             return joint_ranges(self.arm, self.linkages, self.cylinders, end_margin, source)
 
     @cached_property
@@ -381,7 +382,8 @@ class Machine:
         """Everything at q (n, nq) [rad, m], or one pose (nq,), under the load case at work.
 
         Raises:
-            PoseError: no such array; out of stroke, open four-bar, singular, too soft springs.
+            PoseError: q is no such array; a pose out of stroke, at which a four-bar does not
+                close, singular, or on springs that are too soft.
 
         Example:
             >>> import armdesign as ad
@@ -396,18 +398,14 @@ class Machine:
         return stacked(in_threads(lambda rows: self._reachable(q[rows]), slices), len(q))
 
     def _reachable(self, q: RigidPoses | Array) -> Poses:
-        rigid = q if isinstance(q, RigidPoses) else self.arm.rigid_poses(q)
-        return reachable_poses(self, rigid)
+        return reachable_poses(self, q if isinstance(q, RigidPoses) else self.arm.rigid_poses(q))
 
     def evaluate(self, rigid: RigidPoses) -> Poses:
         """Everything at the poses, not checked as by ``at``: impossible values are inf or NaN."""
         return poses_of(self, rigid)
 
     def loaded(self, rigid: RigidPoses) -> tuple[Array, Array, Array]:
-        """M, g and ∂g/∂q of links, payload at work and the masses of cylinders and four-bars.
-
-        Over all coordinates: joints, then springs. Bars of idle cylinders weigh where they stand.
-        """
+        """M, g and ∂g/∂q of links, payload at work, cylinders and four-bars, idle ones too."""
         return loaded(self, rigid)
 
     @property

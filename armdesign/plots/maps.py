@@ -197,9 +197,8 @@ def joint_plane(mapped: FrequencyMap | BandwidthMap, values: Array) -> tuple[Arr
 
 def drawn_joints(machine: Machine) -> list[int]:
     """Indices of the joints that a picture shows: the first one or two that do not slew."""
-    return [j for j in range(len(machine.joints)) if j not in machine.joints_without_effect][
-        :2
-    ] or [0]
+    still = machine.joints_without_effect
+    return [j for j in range(len(machine.joints)) if j not in still][:2] or [0]
 
 
 def _labelled_plane(

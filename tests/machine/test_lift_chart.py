@@ -15,6 +15,7 @@ from armdesign import ArmDesignError, LiftChart, Machine
 from armdesign.inspection.inspection import inspect
 from armdesign.machine.lifting import liftable_masses, torque_per_mass
 from armdesign.machine.tipping import moving_mass, tipping_masses
+from armdesign.mechanism.linkage.base import moment_arms
 from tests.machines import BOOM, BUCKET, FOLD, LIFT, STICK, CylinderSpec, Joint, build, named
 from tests.planar_arm import at
 from tests.planar_file import read_payload
@@ -141,7 +142,8 @@ def test_of_several_poses_the_one_that_lifts_most() -> None:
         q = np.column_stack([boom, fold])
         rigid = machine.rigid_poses(q[np.all((q >= low) & (q <= high), axis=1)])
         torque = torque_per_mass(machine, rigid, chart.poses.point)
-        masses = liftable_masses(machine, rigid, torque, SHARE).min(axis=1)
+        arms = moment_arms(machine.drives, rigid)
+        masses = liftable_masses(machine, rigid, arms, torque, SHARE).min(axis=1)
         assert capacity == pytest.approx(max(masses.max(), 0.0), rel=1e-9)
         places += len(masses) == 2 and abs(masses[0] - masses[1]) > 10
     assert places >= 5

@@ -21,7 +21,7 @@ from armdesign.machine.lifting import unloaded
 from armdesign.machine.machine import Machine
 from armdesign.mechanism.arm import Arm
 from armdesign.mechanism.joint_ranges import ENDED, over, sweep
-from armdesign.mechanism.linkage.base import Linkage
+from armdesign.mechanism.linkage.base import Linkage, moment_arms
 from armdesign.mechanism.rigid_poses import RigidPoses
 
 if TYPE_CHECKING:
@@ -142,12 +142,12 @@ class MachineCandidate:
         """Bore and annulus of every actuator (1, nc, 2) [m²]."""
         return areas_of(self.machine.actuators)[None]
 
-    @cached_property
+    @property
     def closed(self) -> Array:
         """Closed lengths (1, nc) [m]."""
         return self.machine.closed_lengths[None]
 
-    @cached_property
+    @property
     def stroke(self) -> Array:
         """Strokes (1, nc) [m]."""
         return self.machine.strokes[None]
@@ -178,8 +178,7 @@ class MachineCandidate:
 
     def moment_arms(self, rigid: RigidPoses) -> Array:
         """∂ℓ/∂q at some poses (1, n, nc, nq)."""
-        arms = [drive.actuation(rigid).moment_arm for drive in self.machine.drives]
-        return np.stack(arms, axis=1)[None]
+        return moment_arms(self.machine.drives, rigid)[None]
 
     def span(self, i: int, rigid: RigidPoses) -> tuple[Array, Array]:
         """Base pin and rod end of a cylinder in the world (1, n, 3) [m]."""

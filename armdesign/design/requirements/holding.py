@@ -28,7 +28,7 @@ from armdesign.machine.machine import Machine
 from armdesign.machine.out_of_reach import place_out_of_reach, pose_out_of_reach
 from armdesign.machine.poses import static_forces
 from armdesign.machine.reaching import poses_reaching
-from armdesign.mechanism.linkage.base import Pin
+from armdesign.mechanism.linkage.base import Pin, moment_arms
 from armdesign.mechanism.rigid_poses import RigidPoses
 from armdesign.units import mm
 
@@ -240,7 +240,8 @@ def lift_pose(machine: Machine, lift: Lift, shares: Shares) -> LiftPose:
         poses = q[None]
     rigid = machine.rigid_poses(poses)
     torque = torque_per_mass(machine, rigid, point)
-    masses = liftable_masses(machine, rigid, torque, every_share(machine, shares))
+    arms = moment_arms(machine.drives, rigid)
+    masses = liftable_masses(machine, rigid, arms, torque, every_share(machine, shares))
     best = int(masses.min(axis=1).argmax())
     return LiftPose(lift, rigid[best : best + 1], torque[best : best + 1])
 

@@ -78,5 +78,6 @@ def chart_today(machine: Machine) -> tuple[ChartPoses, Array] | None:
     if chart is None:
         return None
     poses = chart.poses
-    least = liftable_masses(machine, poses.rigid, poses.torque, HYDRAULIC_SHARE).min(axis=1)
+    known = poses.rigid, poses.arms, poses.torque
+    least = liftable_masses(machine, *known, HYDRAULIC_SHARE).min(axis=1)
     return poses, least[poses.best(least)]

@@ -11,7 +11,7 @@ H_jk = (d_j·d_k + d·d_jk − r_j r_k)/ℓ  with d = P − B.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self, TypeAlias
@@ -76,6 +76,11 @@ class Drive(ABC):
     @abstractmethod
     def record(self) -> dict[str, Any]:
         """Record for compiled code: numbers, directions and pins by field."""
+
+
+def moment_arms(drives: Iterable[Drive], poses: RigidPoses) -> Array:
+    """Moment arms ∂ℓ/∂q of drives about all coordinates (n, nc, k) [m/rad]."""
+    return np.stack([drive.actuation(poses).moment_arm for drive in drives], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -84,7 +84,7 @@ def test_an_actuator_that_the_load_leaves_alone_at_a_place() -> None:
     """There it lifts anything, so other places limit it; derivatives by central differences."""
     machine = Machine.from_text(template.new("crane"), "", Path("crane.toml"))
     poses = ad.lift_chart(machine).poses
-    masses = liftable_masses(machine, poses.rigid, poses.torque, 0.87)
+    masses = liftable_masses(machine, poses.rigid, poses.arms, poses.torque, 0.87)
     idle = np.isinf(masses).sum(axis=0)
     assert 0 < idle.max() < len(masses)
     problem = Problem.of(
